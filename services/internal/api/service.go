@@ -1,0 +1,41 @@
+// Package api serves the REST interface, the live event stream and the dashboard page. Handlers
+// decode, call the Service, and encode; what a job is and how it runs is none of their business.
+package api
+
+import (
+	"context"
+
+	"metrofarm/services/internal/job"
+)
+
+// Service is what the handlers need of a coordinator. Errors are the sentinels of package job
+// (job.ErrNotFound, ...), wrapped with what the user should know; errors.go maps them to statuses.
+type Service interface {
+	// Submit stores a job durably before it returns. A repeated idempotency key with an equal
+	// request returns the first job; with another request it fails with job.ErrConflict.
+	Submit(ctx context.Context, request job.Request, idempotencyKey string) (job.Snapshot, error)
+	// Job returns one job.
+	Job(ctx context.Context, id string) (job.Snapshot, error)
+	// Jobs lists jobs, newest first, starting after the job with id cursor ("" for the newest).
+	Jobs(ctx context.Context, cursor string, limit int) (jobs []job.Snapshot, next string, err error)
+	// Delete removes a job that has ended, with its checkpoint and events.
+	Delete(ctx context.Context, id string) error
+	// Cancel ends a job; its image so far stays.
+	Cancel(ctx context.Context, id string) (job.Snapshot, error)
+	// Pause stops handing out work; Resume goes on.
+	Pause(ctx context.Context, id string) (job.Snapshot, error)
+	Resume(ctx context.Context, id string) (job.Snapshot, error)
+	// Finish makes the round under way the last.
+	Finish(ctx context.Context, id string) (job.Snapshot, error)
+	// Convergence returns one point per complete round.
+	Convergence(ctx context.Context, id string) ([]job.ConvergencePoint, error)
+	// Image develops the complete rounds so far; job.ErrNoImage before the first.
+	Image(ctx context.Context, id string) (job.Image, error)
+	// Events returns the events with a sequence above after and a channel of those that follow,
+	// closed when ctx ends or when the reader falls too far behind (it then reconnects).
+	Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error)
+	// Workers lists the workers that have been seen.
+	Workers(ctx context.Context) ([]job.Worker, error)
+	// Drain asks a worker to finish what it holds and leave.
+	Drain(ctx context.Context, id string) (job.Worker, error)
+}

@@ -1,0 +1,27 @@
+package job
+
+import "errors"
+
+// Sentinels that cross package borders. Wrap them with %w and the details.
+var (
+	// ErrNotFound: no such job, scene or worker.
+	ErrNotFound = errors.New("not found")
+	// ErrConflict: the object's state does not allow this (a finished job, a reused key).
+	ErrConflict = errors.New("conflict")
+	// ErrNoImage: no round is complete yet.
+	ErrNoImage = errors.New("no round is complete yet")
+	// ErrInvalid: the request is wrong; see FieldError for where.
+	ErrInvalid = errors.New("invalid request")
+)
+
+// FieldError names the field of a request that is wrong and what would be right. It wraps
+// ErrInvalid.
+type FieldError struct {
+	Field  string // as in the JSON document, for example "stop.target_error"
+	Detail string
+}
+
+func (e *FieldError) Error() string { return e.Field + ": " + e.Detail }
+
+// Unwrap makes errors.Is(err, ErrInvalid) true.
+func (e *FieldError) Unwrap() error { return ErrInvalid }

@@ -1,0 +1,199 @@
+// Package job holds what a job is: the request a user makes, its states, and the views of it that
+// the API, the command line and the dashboard show. It is pure: no clock, no goroutine, no I/O.
+package job
+
+import (
+	"time"
+)
+
+// State of a job's life. Terminal states are Done, Failed and Canceled.
+type State string
+
+// The states, in the order in which an undisturbed job passes them.
+const (
+	Queued        State = "queued"        // accepted; no worker has looked at it yet
+	Inspecting    State = "inspecting"    // a worker loads the scene
+	Bootstrapping State = "bootstrapping" // independent samples for b and the seeds (or for the film unit)
+	Rendering     State = "rendering"     // rounds
+	Done          State = "done"          // stop rule met; the image is final
+	Failed        State = "failed"        // see Snapshot.Error
+	Canceled      State = "canceled"      // by the user; the snapshot so far stays
+)
+
+// Integrator names, as in requests.
+const (
+	IntegratorAuto   = "auto"
+	IntegratorPath   = "path"
+	IntegratorPSSMLT = "pssmlt"
+)
+
+// Request is what a user asks for. A zero value of an optional field means "choose for me".
+type Request struct {
+	// Name for people; defaults to the scene file's name.
+	Name string `json:"name,omitempty"`
+	// Scene is the digest of a stored bundle.
+	Scene string `json:"scene"`
+	// Entry is the scene file's path inside the bundle.
+	Entry string `json:"entry"`
+	// Defaults overrides the scene file's <default> values.
+	Defaults map[string]string `json:"defaults,omitempty"`
+	// Lenient turns what the importer does not know into warnings.
+	Lenient bool `json:"lenient,omitempty"`
+	// Integrator is auto, path or pssmlt.
+	Integrator string `json:"integrator,omitempty"`
+	// LightSampling is mis, emitter or bsdf.
+	LightSampling string `json:"light_sampling,omitempty"`
+	// Kernel is kelemen or gaussian (pssmlt).
+	Kernel string `json:"kernel,omitempty"`
+	// Sigma of the gaussian kernel, 0 < sigma < 0.25.
+	Sigma float64 `json:"sigma,omitempty"`
+	// LargeStepProbability, 0 < p <= 1 (pssmlt).
+	LargeStepProbability float64 `json:"large_step_probability,omitempty"`
+	// BootstrapSamples is rounded up to what the group size asks for.
+	BootstrapSamples uint64 `json:"bootstrap_samples,omitempty"`
+	// Chains is rounded up likewise (pssmlt).
+	Chains uint64 `json:"chains,omitempty"`
+	// MaxDepth overrides the scene's; -1 has no limit.
+	MaxDepth *int `json:"max_depth,omitempty"`
+	// Width and Height override the scene's film size.
+	Width  int `json:"width,omitempty"`
+	Height int `json:"height,omitempty"`
+	// Seed of the job.
+	Seed uint64 `json:"seed,omitempty"`
+	// Stop rules; whichever is met first. With none, the scene's sample count decides.
+	Stop StopRules `json:"stop"`
+	// Resolved repeats an earlier job: its resolved spec in protobuf JSON. All choices above are
+	// then ignored but Scene, Entry, Defaults, Lenient and Stop.
+	Resolved string `json:"resolved,omitempty"`
+}
+
+// StopRules end a job on a complete round.
+type StopRules struct {
+	// SamplesPerPixel of plain path tracing.
+	SamplesPerPixel uint64 `json:"samples_per_pixel,omitempty"`
+	// MutationsPerPixel of chains: ends with the round that reaches this many on average.
+	MutationsPerPixel uint64 `json:"mutations_per_pixel,omitempty"`
+	// TargetError ends after two consecutive rounds whose relative MSE estimate is below it.
+	TargetError float64 `json:"target_error,omitempty"`
+	// TimeSeconds of rendering, then the round under way is the last.
+	TimeSeconds float64 `json:"time_seconds,omitempty"`
+	// Rounds ends after exactly this many rounds: repeats an image.
+	Rounds int `json:"rounds,omitempty"`
+}
+
+// Interval is a confidence interval.
+type Interval struct {
+	Low  float64 `json:"low"`
+	High float64 `json:"high"`
+	// Level, for example 0.95.
+	Level float64 `json:"level"`
+}
+
+// ConvergencePoint is what was known after a round.
+type ConvergencePoint struct {
+	Round           int      `json:"round"`
+	Mutations       uint64   `json:"mutations"`
+	PathEvaluations uint64   `json:"path_evaluations"`
+	Rays            uint64   `json:"rays"`
+	RelMSE          float64  `json:"rel_mse"`
+	RelMSEInterval  Interval `json:"rel_mse_interval"`
+	B               float64  `json:"b"`
+	BStandardError  float64  `json:"b_standard_error"`
+	CPUSeconds      float64  `json:"cpu_seconds"`
+	WallSeconds     float64  `json:"wall_seconds"`
+	FilmSHA256      string   `json:"film_sha256"`
+}
+
+// Acceptance ratios of chain mutations; NaN-free: a kind that never ran is absent.
+type Acceptance struct {
+	Large *float64 `json:"large,omitempty"`
+	Small *float64 `json:"small,omitempty"`
+}
+
+// Snapshot is the public view of a job at one moment.
+type Snapshot struct {
+	ID        string     `json:"id"`
+	Request   Request    `json:"request"`
+	State     State      `json:"state"`
+	Paused    bool       `json:"paused"`
+	Error     string     `json:"error,omitempty"`
+	CreatedAt time.Time  `json:"created_at"`
+	StartedAt *time.Time `json:"started_at,omitempty"`
+	EndedAt   *time.Time `json:"ended_at,omitempty"`
+	// StopReason says which rule ended the job, once it is done.
+	StopReason string `json:"stop_reason,omitempty"`
+
+	Integrator string `json:"integrator,omitempty"`
+	Width      int    `json:"width,omitempty"`
+	Height     int    `json:"height,omitempty"`
+	Seed       uint64 `json:"seed"`
+
+	// RoundsDone counts merged rounds; RoundSegments and RoundSegmentsDone tell of the one under
+	// way (or of the phase before rendering).
+	RoundsDone        int     `json:"rounds_done"`
+	RoundSegments     int     `json:"round_segments"`
+	RoundSegmentsDone int     `json:"round_segments_done"`
+	Activity          string  `json:"activity,omitempty"`
+	Progress          float64 `json:"progress"` // 0 to 1, towards the nearest stop rule; 1 only when done
+	ETASeconds        float64 `json:"eta_seconds,omitempty"`
+
+	MutationsPerSecond float64           `json:"mutations_per_second"`
+	Mutations          uint64            `json:"mutations"`
+	PathEvaluations    uint64            `json:"path_evaluations"`
+	Rays               uint64            `json:"rays"`
+	CPUSeconds         float64           `json:"cpu_seconds"`
+	WallSeconds        float64           `json:"wall_seconds"`
+	LoadSeconds        float64           `json:"load_seconds"`
+	B                  float64           `json:"b"`
+	BStandardError     float64           `json:"b_standard_error"`
+	RelMSE             *float64          `json:"rel_mse,omitempty"`
+	RelMSEInterval     *Interval         `json:"rel_mse_interval,omitempty"`
+	Acceptance         Acceptance        `json:"acceptance"`
+	Anomalies          map[string]uint64 `json:"anomalies"`
+	FilmSHA256         string            `json:"film_sha256,omitempty"`
+	Warnings           []string          `json:"warnings,omitempty"`
+	// Resolved spec in protobuf JSON, once known: submit it as Request.Resolved to repeat the job.
+	Resolved string `json:"resolved,omitempty"`
+}
+
+// Image is a developed snapshot: linear RGB and the estimated variance of each pixel's mean.
+type Image struct {
+	Width, Height int
+	// RGB and Variance hold 3 values per pixel, row by row from the top.
+	RGB, Variance []float32
+	// Attributes for the image file.
+	SceneDigest, FilmSHA256, Integrator, JobID string
+	Seed, Mutations                            uint64
+	Rounds                                     int
+	B, BStandardError, RelMSE                  float64
+	Final                                      bool
+}
+
+// Event is one entry of a job's event log.
+type Event struct {
+	// Sequence grows by one per event of a job, from 1; it is the SSE id.
+	Sequence uint64 `json:"sequence"`
+	// Kind is state, progress, round, image, warning, fault or anomaly.
+	Kind string `json:"kind"`
+	// At is when it happened.
+	At time.Time `json:"at"`
+	// Message for people.
+	Message string `json:"message,omitempty"`
+	// Job is the snapshot after the event (state, progress and round events).
+	Job *Snapshot `json:"job,omitempty"`
+	// Convergence is the point added by a round event.
+	Convergence *ConvergencePoint `json:"convergence,omitempty"`
+}
+
+// Worker is the public view of a worker.
+type Worker struct {
+	ID                 string    `json:"id"`
+	Name               string    `json:"name"`
+	Version            string    `json:"version"`
+	Threads            int       `json:"threads"`
+	State              string    `json:"state"` // idle, busy, draining or lost
+	LastContact        time.Time `json:"last_contact"`
+	LeasedSegments     int       `json:"leased_segments"`
+	Activity           string    `json:"activity,omitempty"`
+	MutationsPerSecond float64   `json:"mutations_per_second"`
+}
