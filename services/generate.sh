@@ -4,8 +4,8 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 
-readonly GEN_GO=google.golang.org/protobuf/cmd/protoc-gen-go@v1.36.11
-readonly GEN_GRPC=google.golang.org/grpc/cmd/protoc-gen-go-grpc@v1.6.0
+readonly GEN_GO=google.golang.org/protobuf/cmd/protoc-gen-go@v1.36.12
+readonly GEN_GRPC=google.golang.org/grpc/cmd/protoc-gen-go-grpc@v1.6.2
 tools="${METROFARM_TOOLS:-$PWD/../.tools/go}"
 
 mkdir -p "$tools"

@@ -1,0 +1,168 @@
+package api
+
+import (
+	"bytes"
+	"context"
+	"encoding/csv"
+	"encoding/json"
+	"fmt"
+	"net/http"
+	"reflect"
+	"strconv"
+	"time"
+
+	"github.com/danielgtaylor/huma/v2"
+
+	"metrofarm/services/internal/explain"
+	"metrofarm/services/internal/job"
+)
+
+type convergenceInput struct {
+	JobPath
+	Format string `query:"format" enum:"json,csv" default:"json"`
+}
+
+// rawOutput is an answer whose bytes we make ourselves.
+type rawOutput struct {
+	ContentType string `header:"Content-Type"`
+	Body        []byte
+}
+
+type convergenceBody struct {
+	Points []job.ConvergencePoint `json:"points" doc:"One per complete round."`
+}
+
+type planOutput struct {
+	Body struct {
+		Choices  []explain.Choice `json:"choices" doc:"Each value that decides the image, and why."`
+		Resolved json.RawMessage  `json:"resolved,omitempty" doc:"The resolved spec, once known. Its text as resolved of a new job repeats the image."`
+	}
+}
+
+type anomaliesOutput struct {
+	Body struct {
+		Total  uint64            `json:"total"`
+		ByKind map[string]uint64 `json:"by_kind" doc:"Contributions set to zero, by kind."`
+		Events []job.Event       `json:"events" doc:"What was logged about them."`
+	}
+}
+
+func (s *server) registerDetails(api huma.API) {
+	points := api.OpenAPI().Components.Schemas.Schema(reflect.TypeFor[convergenceBody](), true, "Convergence")
+	huma.Register(api, huma.Operation{
+		OperationID: "get-convergence", Method: http.MethodGet, Path: "/v1/jobs/{id}/convergence",
+		Tags: []string{"details"}, Summary: "Error and cost after each round",
+		Responses: map[string]*huma.Response{"200": {Description: "The points", Content: map[string]*huma.MediaType{
+			"application/json": {Schema: points}, "text/csv": {},
+		}}},
+	}, s.convergence)
+	huma.Register(api, huma.Operation{
+		OperationID: "get-plan", Method: http.MethodGet, Path: "/v1/jobs/{id}/plan",
+		Tags: []string{"details"}, Summary: "What was decided, and why",
+	}, s.plan)
+	huma.Register(api, huma.Operation{
+		OperationID: "get-anomalies", Method: http.MethodGet, Path: "/v1/jobs/{id}/anomalies",
+		Tags: []string{"details"}, Summary: "Contributions that were not numbers, infinite or negative",
+	}, s.anomalies)
+	huma.Register(api, huma.Operation{
+		OperationID: "get-log", Method: http.MethodGet, Path: "/v1/jobs/{id}/log",
+		Tags: []string{"details"}, Summary: "The job's events as lines of text",
+		Responses: map[string]*huma.Response{"200": {Description: "The log", Content: map[string]*huma.MediaType{"text/plain": {}}}},
+	}, s.log)
+}
+
+func (s *server) convergence(ctx context.Context, input *convergenceInput) (*rawOutput, error) {
+	points, err := s.Service.Convergence(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	if input.Format == "csv" {
+		return &rawOutput{ContentType: "text/csv; charset=utf-8", Body: convergenceCSV(points)}, nil
+	}
+	if points == nil {
+		points = []job.ConvergencePoint{}
+	}
+	body, err := json.Marshal(convergenceBody{Points: points})
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	return &rawOutput{ContentType: "application/json", Body: body}, nil
+}
+
+func convergenceCSV(points []job.ConvergencePoint) []byte {
+	var buffer bytes.Buffer
+	w := csv.NewWriter(&buffer)
+	write := func(record ...string) { _ = w.Write(record) } // a buffer does not fail
+	write("round", "mutations", "path_evaluations", "rays", "rel_mse", "rel_mse_low", "rel_mse_high",
+		"b", "b_standard_error", "cpu_seconds", "wall_seconds", "film_sha256")
+	count := func(n uint64) string { return strconv.FormatUint(n, 10) }
+	number := func(x float64) string { return strconv.FormatFloat(x, 'g', -1, 64) }
+	for _, p := range points {
+		write(strconv.Itoa(p.Round), count(p.Mutations), count(p.PathEvaluations), count(p.Rays),
+			number(p.RelMSE), number(p.RelMSEInterval.Low), number(p.RelMSEInterval.High),
+			number(p.B), number(p.BStandardError), number(p.CPUSeconds), number(p.WallSeconds), p.FilmSHA256)
+	}
+	w.Flush()
+	return buffer.Bytes()
+}
+
+func (s *server) plan(ctx context.Context, input *JobPath) (*planOutput, error) {
+	snapshot, err := s.Service.Job(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	output := &planOutput{}
+	if output.Body.Choices, err = explain.Choices(snapshot); err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	if snapshot.Resolved != "" {
+		output.Body.Resolved = json.RawMessage(snapshot.Resolved)
+	}
+	return output, nil
+}
+
+func (s *server) anomalies(ctx context.Context, input *JobPath) (*anomaliesOutput, error) {
+	snapshot, err := s.Service.Job(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	events, err := s.pastEvents(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	output := &anomaliesOutput{}
+	output.Body.ByKind = map[string]uint64{}
+	for kind, count := range snapshot.Anomalies {
+		output.Body.ByKind[kind] = count
+		output.Body.Total += count
+	}
+	output.Body.Events = []job.Event{}
+	for _, event := range events {
+		if event.Kind == "anomaly" {
+			output.Body.Events = append(output.Body.Events, event)
+		}
+	}
+	return output, nil
+}
+
+func (s *server) log(ctx context.Context, input *JobPath) (*rawOutput, error) {
+	events, err := s.pastEvents(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	var buffer bytes.Buffer
+	for _, event := range events {
+		if event.Message != "" {
+			fmt.Fprintf(&buffer, "%s %-8s %s\n", event.At.UTC().Format(time.RFC3339Nano), event.Kind, event.Message)
+		}
+	}
+	return &rawOutput{ContentType: "text/plain; charset=utf-8", Body: buffer.Bytes()}, nil
+}
+
+// pastEvents returns the events so far.
+func (s *server) pastEvents(ctx context.Context, id string) ([]job.Event, error) {
+	ctx, cancel := context.WithCancel(ctx) // ends the subscription
+	defer cancel()
+	past, _, err := s.Service.Events(ctx, id, 0)
+	return past, err
+}

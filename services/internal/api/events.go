@@ -1,0 +1,109 @@
+package api
+
+import (
+	"context"
+	"encoding/json"
+	"fmt"
+	"net/http"
+	"reflect"
+	"time"
+
+	"github.com/danielgtaylor/huma/v2"
+	"github.com/danielgtaylor/huma/v2/adapters/humago"
+
+	"metrofarm/services/internal/job"
+)
+
+type eventsInput struct {
+	JobPath
+	LastEventID uint64 `header:"Last-Event-ID" doc:"Go on after this event."`
+	After       uint64 `query:"after" doc:"Like Last-Event-ID, for the first connection."`
+}
+
+func (s *server) registerEvents(api huma.API) {
+	event := api.OpenAPI().Components.Schemas.Schema(reflect.TypeFor[job.Event](), true, "Event")
+	huma.Register(api, huma.Operation{
+		OperationID: "get-events", Method: http.MethodGet, Path: "/v1/jobs/{id}/events",
+		Tags: []string{"details"}, Summary: "Past events, then live ones, as server-sent events",
+		Description: "id is the sequence number, event the kind, data the event as JSON. Comments keep " +
+			"quiet streams open. The stream ends when the reader is too slow; reconnect with Last-Event-ID.",
+		Responses: map[string]*huma.Response{"200": {
+			Description: "The stream", Content: map[string]*huma.MediaType{"text/event-stream": {Schema: event}},
+		}},
+	}, s.events)
+}
+
+func (s *server) events(ctx context.Context, input *eventsInput) (*huma.StreamResponse, error) {
+	ctx, cancel := context.WithCancel(ctx)
+	past, live, err := s.Service.Events(ctx, input.ID, max(input.LastEventID, input.After))
+	if err != nil {
+		cancel()
+		return nil, s.fail(ctx, err)
+	}
+	return &huma.StreamResponse{Body: func(hctx huma.Context) {
+		defer cancel()
+		_, w := humago.Unwrap(hctx)
+		stream := &eventStream{w: w, control: http.NewResponseController(w)}
+		stream.run(ctx, past, live, s.Heartbeat)
+	}}, nil
+}
+
+// eventStream writes server-sent events to one client.
+type eventStream struct {
+	w       http.ResponseWriter
+	control *http.ResponseController
+}
+
+// reconnectMilliseconds is how long browsers wait before they connect again.
+const reconnectMilliseconds = 1000
+
+// run returns when the client leaves, the source ends or a write fails.
+func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job.Event, heartbeat time.Duration) {
+	s.w.Header().Set("Content-Type", "text/event-stream")
+	s.w.Header().Set("Cache-Control", "no-store")
+	s.w.Header().Set("X-Accel-Buffering", "no") // proxies: pass events on at once
+	if s.write(fmt.Appendf(nil, "retry: %d\n\n", reconnectMilliseconds)) != nil {
+		return
+	}
+	for _, event := range past {
+		if s.send(event) != nil {
+			return
+		}
+	}
+	ticker := time.NewTicker(heartbeat)
+	defer ticker.Stop()
+	for {
+		var err error
+		select {
+		case <-ctx.Done():
+			return
+		case event, open := <-live:
+			if !open {
+				return
+			}
+			err = s.send(event)
+		case <-ticker.C:
+			err = s.write([]byte(":\n\n"))
+		}
+		if err != nil {
+			return
+		}
+	}
+}
+
+func (s *eventStream) send(event job.Event) error {
+	data, err := json.Marshal(event)
+	if err != nil {
+		return err
+	}
+	return s.write(fmt.Appendf(nil, "id: %d\nevent: %s\ndata: %s\n\n", event.Sequence, event.Kind, data))
+}
+
+func (s *eventStream) write(message []byte) error {
+	// Recorders in tests have no deadline.
+	_ = s.control.SetWriteDeadline(time.Now().Add(stallTimeout))
+	if _, err := s.w.Write(message); err != nil {
+		return err
+	}
+	return s.control.Flush()
+}

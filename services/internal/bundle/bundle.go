@@ -1,0 +1,187 @@
+// Package bundle brings the files of scenes into the blob store: from an uploaded archive, which is
+// not trusted, or from files on this machine.
+package bundle
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"io"
+	"path"
+	"strings"
+
+	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/job"
+)
+
+// ErrTooLarge: an upload passes one of the limits.
+var ErrTooLarge = errors.New("the bundle is too large")
+
+// ErrArchive: an upload is no archive that we can read. It counts as job.ErrInvalid.
+var ErrArchive = fmt.Errorf("%w: unreadable archive", job.ErrInvalid)
+
+// EntryError says which entry of an archive is at fault, and why. It wraps job.ErrInvalid.
+type EntryError struct {
+	Entry  string
+	Detail string
+}
+
+func (e *EntryError) Error() string { return fmt.Sprintf("entry %q: %s", e.Entry, e.Detail) }
+
+// Unwrap makes errors.Is(err, job.ErrInvalid) true.
+func (e *EntryError) Unwrap() error { return job.ErrInvalid }
+
+// Limits bound what one upload may take.
+type Limits struct {
+	// UploadBytes of the archive itself.
+	UploadBytes int64
+	// UnpackedBytes of all files together.
+	UnpackedBytes int64
+	// Files in the bundle.
+	Files int
+}
+
+// DefaultLimits hold the largest scenes in common use with room to spare.
+func DefaultLimits() Limits {
+	return Limits{UploadBytes: 4 << 30, UnpackedBytes: 16 << 30, Files: 20_000}
+}
+
+// Blobs is where the files go.
+type Blobs interface {
+	PutFile(ctx context.Context, r io.Reader, limit int64) (sha string, size int64, err error)
+	PutManifest(ctx context.Context, files []blob.File) (digest string, err error)
+	Manifest(digest string) ([]blob.File, error)
+}
+
+// Scene is a stored bundle.
+type Scene struct {
+	// Digest names the bundle.
+	Digest string `json:"digest"`
+	// Entries are the files that may be scene files, best first.
+	Entries []string `json:"entries"`
+	// Files in ascending order of path.
+	Files []blob.File `json:"files"`
+}
+
+// Library is the set of stored bundles. Its methods may be called from several goroutines. A
+// failed addition may leave files without a bundle in the blob store, where the next attempt finds
+// them again.
+type Library struct {
+	blobs   Blobs
+	limits  Limits
+	tempDir string
+}
+
+// NewLibrary makes a library; zip uploads are held in tempDir ("": the system's) while they are
+// unpacked.
+func NewLibrary(blobs Blobs, limits Limits, tempDir string) *Library {
+	return &Library{blobs: blobs, limits: limits, tempDir: tempDir}
+}
+
+// Scene returns a stored bundle; job.ErrNotFound if there is none of that digest.
+func (l *Library) Scene(digest string) (Scene, error) {
+	files, err := l.blobs.Manifest(digest)
+	switch {
+	case errors.Is(err, blob.ErrNotFound), errors.Is(err, blob.ErrName):
+		return Scene{}, fmt.Errorf("scene %q: %w", digest, job.ErrNotFound)
+	case err != nil:
+		return Scene{}, fmt.Errorf("scene %s: %w", digest, err)
+	}
+	return Scene{Digest: digest, Entries: Entries(files), Files: files}, nil
+}
+
+// Entries lists the files of a bundle that may be its scene file: those named *.xml, the ones
+// nearest to the root first.
+func Entries(files []blob.File) []string {
+	entries := []string{}
+	deepest := 0
+	for _, file := range files {
+		deepest = max(deepest, depth(file.Path))
+	}
+	for level := range deepest + 1 {
+		for _, file := range files {
+			if depth(file.Path) == level && strings.EqualFold(path.Ext(file.Path), ".xml") {
+				entries = append(entries, file.Path)
+			}
+		}
+	}
+	return entries
+}
+
+func depth(name string) int { return strings.Count(name, "/") }
+
+// collector takes the files of one bundle, entry by entry, and enforces the rules that hold for
+// every kind of source.
+type collector struct {
+	blobs  Blobs
+	limits Limits
+	files  []blob.File
+	bytes  int64
+	names  map[string]bool // files
+	dirs   map[string]bool // folders that files lie in
+}
+
+func newCollector(blobs Blobs, limits Limits) *collector {
+	return &collector{
+		blobs: blobs, limits: limits,
+		names: make(map[string]bool), dirs: make(map[string]bool),
+	}
+}
+
+func (c *collector) add(ctx context.Context, name string, r io.Reader) error {
+	if err := c.reserve(name); err != nil {
+		return err
+	}
+	sha, size, err := c.blobs.PutFile(ctx, r, c.limits.UnpackedBytes-c.bytes)
+	if errors.Is(err, blob.ErrTooLarge) {
+		return fmt.Errorf("%w: entry %q brings it above %d bytes unpacked", ErrTooLarge, name,
+			c.limits.UnpackedBytes)
+	}
+	if err != nil {
+		return fmt.Errorf("entry %q: %w", name, err)
+	}
+	c.bytes += size
+	c.files = append(c.files, blob.File{Path: name, Size: size, SHA256: sha})
+	return nil
+}
+
+// reserve checks a name against the rules and against the names before it.
+func (c *collector) reserve(name string) error {
+	if !blob.ValidPath(name) {
+		return &EntryError{name, "the path must be relative, with '/' between its parts and without " +
+			`empty, "." or ".." parts, backslashes or control characters, in at most 1024 bytes of UTF-8`}
+	}
+	if len(c.files) >= c.limits.Files {
+		return fmt.Errorf("%w: entry %q is one more than the %d files allowed", ErrTooLarge, name,
+			c.limits.Files)
+	}
+	if c.names[name] {
+		return &EntryError{name, "appears twice"}
+	}
+	if c.dirs[name] {
+		return &EntryError{name, "is a file and a folder at once"}
+	}
+	for dir := path.Dir(name); dir != "."; dir = path.Dir(dir) {
+		if c.names[dir] {
+			return &EntryError{dir, "is a file and a folder at once"}
+		}
+		c.dirs[dir] = true
+	}
+	c.names[name] = true
+	return nil
+}
+
+func (c *collector) finish(ctx context.Context) (Scene, error) {
+	if len(c.files) == 0 {
+		return Scene{}, fmt.Errorf("%w: there is no file in it", ErrArchive)
+	}
+	digest, err := c.blobs.PutManifest(ctx, c.files)
+	if err != nil {
+		return Scene{}, fmt.Errorf("storing the manifest: %w", err)
+	}
+	files, err := c.blobs.Manifest(digest)
+	if err != nil {
+		return Scene{}, fmt.Errorf("reading the manifest back: %w", err)
+	}
+	return Scene{Digest: digest, Entries: Entries(files), Files: files}, nil
+}

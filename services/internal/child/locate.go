@@ -1,0 +1,91 @@
+// Package child runs the C++ worker program as a child process: as a local worker that is kept
+// alive, and as a tool that lists the files of a scene.
+package child
+
+import (
+	"bytes"
+	"context"
+	"errors"
+	"fmt"
+	"os"
+	"os/exec"
+	"path/filepath"
+	"strings"
+)
+
+// Program is the worker's file name.
+const Program = "metrofarm-worker"
+
+// EnvironmentVariable names the worker program where it is not next to ours.
+const EnvironmentVariable = "METROFARM_WORKER"
+
+// Locate finds the worker program: named by the environment, or next to this executable.
+func Locate(getenv func(string) string) (string, error) {
+	if named := getenv(EnvironmentVariable); named != "" {
+		return checkProgram(named, EnvironmentVariable+" names it")
+	}
+	executable, err := os.Executable()
+	if err != nil {
+		return "", fmt.Errorf("finding %s: %w", Program, err)
+	}
+	if executable, err = filepath.EvalSymlinks(executable); err != nil {
+		return "", fmt.Errorf("finding %s: %w", Program, err)
+	}
+	return checkProgram(filepath.Join(filepath.Dir(executable), Program),
+		"it belongs next to metrofarm; "+EnvironmentVariable+" can name another place")
+}
+
+func checkProgram(path, hint string) (string, error) {
+	info, err := os.Stat(path)
+	if err == nil && (info.IsDir() || info.Mode()&0o111 == 0) {
+		err = errors.New("not a program")
+	}
+	if err != nil {
+		return "", fmt.Errorf("worker program %s: %w (%s)", path, err, hint)
+	}
+	return filepath.Abs(path)
+}
+
+// SceneError is what the worker program says about a scene that it cannot read: usually
+// "file:line: message".
+type SceneError struct{ Message string }
+
+func (e *SceneError) Error() string { return e.Message }
+
+// Files lists all files that a scene consists of, the scene file included, as absolute paths.
+// sets are NAME=VALUE overrides of the scene's <default> values.
+func Files(ctx context.Context, program, scene string, sets []string, lenient bool) ([]string, error) {
+	arguments := []string{"files", scene}
+	for _, set := range sets {
+		arguments = append(arguments, "--set", set)
+	}
+	if lenient {
+		arguments = append(arguments, "--lenient")
+	}
+	command := exec.CommandContext(ctx, program, arguments...)
+	var stdout, stderr bytes.Buffer
+	command.Stdout, command.Stderr = &stdout, &stderr
+	if err := command.Run(); err != nil {
+		var exit *exec.ExitError
+		if message := strings.TrimSpace(stderr.String()); errors.As(err, &exit) && message != "" && ctx.Err() == nil {
+			return nil, &SceneError{withoutPrefix(message)}
+		}
+		return nil, fmt.Errorf("listing the files of %s: %w", scene, err)
+	}
+	return lines(stdout.String()), nil
+}
+
+// withoutPrefix drops the program's name, since the message will stand behind ours.
+func withoutPrefix(message string) string {
+	return strings.TrimPrefix(message, Program+": ")
+}
+
+func lines(text string) []string {
+	var found []string
+	for line := range strings.SplitSeq(text, "\n") {
+		if line != "" {
+			found = append(found, line)
+		}
+	}
+	return found
+}

@@ -1,0 +1,191 @@
+// Package cli is the command line: it parses, calls a coordinator (in this process or over REST)
+// and prints.
+package cli
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"io"
+	"log/slog"
+	"maps"
+	"os"
+	"slices"
+	"strings"
+	"time"
+
+	"metrofarm/services/internal/api"
+	"metrofarm/services/internal/bundle"
+	"metrofarm/services/internal/job"
+)
+
+// Exit codes.
+const (
+	exitOK      = 0
+	exitFailure = 1
+	exitUsage   = 2
+)
+
+// Farm is a coordinator in this process with its local workers.
+type Farm interface {
+	// Service runs jobs.
+	Service() api.Service
+	// AddScene stores a scene of this machine.
+	AddScene(ctx context.Context, local bundle.Local) (bundle.Scene, error)
+	// Dashboard is the address of the page, "" without one.
+	Dashboard() string
+	// Failed delivers errors that end the farm, such as a worker that will not start.
+	Failed() <-chan error
+	// Close ends workers and coordinator, after a checkpoint of what is under way.
+	Close() error
+}
+
+// FarmOptions say what to start.
+type FarmOptions struct {
+	// DataDir holds everything durable.
+	DataDir string
+	// Listen is the address of REST and dashboard; "": none.
+	Listen string
+	// LocalOnly refuses requests that name another host than this machine.
+	LocalOnly bool
+	// FarmListen is the address for workers.
+	FarmListen string
+	// Workers to start here, each with so many Threads.
+	Workers, Threads int
+	// WorkerProgram is needed when Workers is not 0.
+	WorkerProgram string
+	// GiveUp ends the farm when a worker keeps dying at its start; otherwise it is tried forever.
+	GiveUp bool
+	// Version of this program.
+	Version string
+	Logger  *slog.Logger
+}
+
+// Env is what the commands need of the world.
+type Env struct {
+	Stdout, Stderr io.Writer
+	// Terminal tells whether Stderr is one.
+	Terminal bool
+	Getenv   func(string) string
+	Now      func() time.Time
+	// Interrupts delivers Ctrl-C and SIGTERM.
+	Interrupts <-chan os.Signal
+	// CPUs is the number of hardware threads.
+	CPUs int
+	// Version of this program.
+	Version string
+	// StartFarm starts a coordinator in this process.
+	StartFarm func(context.Context, FarmOptions) (Farm, error)
+}
+
+type command struct {
+	usage, summary string
+	run            func(ctx context.Context, env Env, arguments []string) error
+}
+
+func commands() map[string]command {
+	return map[string]command{
+		"render":  {"SCENE.xml -o OUT.exr [flags]", "render a scene on this machine", render},
+		"serve":   {"[flags]", "run a coordinator with REST interface and dashboard", serve},
+		"submit":  {"SCENE.xml|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
+		"jobs":    {"[flags]", "list jobs", listJobs},
+		"job":     {"ID [flags]", "show one job", showJob},
+		"cancel":  {"ID... [flags]", "end jobs; their images so far stay", act("cancel")},
+		"pause":   {"ID... [flags]", "stop handing out work of jobs", act("pause")},
+		"resume":  {"ID... [flags]", "go on with paused jobs", act("resume")},
+		"finish":  {"ID... [flags]", "make the round under way the last", act("finish")},
+		"workers": {"[flags]", "list workers", listWorkers},
+		"version": {"", "print the version", printVersion},
+	}
+}
+
+// Run runs one command line (without the program's name) and returns the exit code.
+func Run(ctx context.Context, env Env, arguments []string) int {
+	err := dispatch(ctx, env, arguments)
+	var usage *usageError
+	switch {
+	case err == nil:
+		return exitOK
+	case errors.As(err, &usage):
+		fmt.Fprintf(env.Stderr, "metrofarm: %v\n", oneLine(err))
+		return exitUsage
+	default:
+		fmt.Fprintf(env.Stderr, "metrofarm: %v\n", oneLine(err))
+		return exitFailure
+	}
+}
+
+func dispatch(ctx context.Context, env Env, arguments []string) error {
+	if len(arguments) == 0 {
+		fmt.Fprint(env.Stderr, overview())
+		return usagef("which command?")
+	}
+	name := arguments[0]
+	if name == "help" || name == "--help" || name == "-h" {
+		fmt.Fprint(env.Stdout, overview())
+		return nil
+	}
+	chosen, found := commands()[name]
+	if !found {
+		return usagef("there is no command %q; metrofarm help lists them", name)
+	}
+	return chosen.run(ctx, env, arguments[1:])
+}
+
+func overview() string {
+	var text strings.Builder
+	text.WriteString("Metrofarm renders scenes with Metropolis light transport.\n\n")
+	all := commands()
+	for _, name := range slices.Sorted(maps.Keys(all)) {
+		fmt.Fprintf(&text, "  metrofarm %-8s %-30s %s\n", name, all[name].usage, all[name].summary)
+	}
+	text.WriteString("\nmetrofarm COMMAND --help lists the flags of a command.\n")
+	return text.String()
+}
+
+// usageError is a mistake on the command line.
+type usageError struct{ message string }
+
+func (e *usageError) Error() string { return e.message }
+
+func usagef(format string, values ...any) error {
+	return &usageError{fmt.Sprintf(format, values...)}
+}
+
+// asUsage turns a refused field of a request into the flag that set it.
+func asUsage(err error) error {
+	var field *job.FieldError
+	if !errors.As(err, &field) {
+		return err
+	}
+	for _, name := range []string{
+		"integrator", "light_sampling", "kernel", "sigma", "large_step_probability", "chains", "max_depth",
+		"width", "height", "seed", "resolved", "name",
+	} {
+		if field.Field == name {
+			return usagef("--%s: %s", strings.ReplaceAll(name, "_", "-"), field.Detail)
+		}
+	}
+	flags := map[string]string{
+		"bootstrap_samples": "bootstrap", "defaults": "set", "stop.samples_per_pixel": "spp",
+		"stop.mutations_per_pixel": "mutations-per-pixel", "stop.target_error": "target-error",
+		"stop.time_seconds": "time", "stop.rounds": "rounds",
+	}
+	if name, found := flags[field.Field]; found {
+		return usagef("--%s: %s", name, field.Detail)
+	}
+	return usagef("%s", field.Error())
+}
+
+// oneLine keeps errors on one line: scripts read them by line.
+func oneLine(err error) string {
+	return strings.Join(strings.FieldsFunc(err.Error(), func(r rune) bool { return r == '\n' || r == '\r' }), "; ")
+}
+
+func printVersion(_ context.Context, env Env, arguments []string) error {
+	if _, err := newFlags("version", env).parse(arguments, 0, 0); err != nil {
+		return ignoreHelp(err)
+	}
+	_, err := fmt.Fprintf(env.Stdout, "metrofarm %s\n", env.Version)
+	return err
+}

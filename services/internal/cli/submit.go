@@ -1,0 +1,155 @@
+package cli
+
+import (
+	"context"
+	"crypto/rand"
+	"errors"
+	"fmt"
+	"io"
+	"os"
+	"path/filepath"
+	"slices"
+	"strings"
+
+	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/bundle"
+	"metrofarm/services/internal/child"
+	"metrofarm/services/internal/client"
+	"metrofarm/services/internal/job"
+)
+
+type submitFlags struct {
+	requestFlags
+	remoteFlags
+	out, entry, key string
+	half, wait      bool
+}
+
+func (s *submitFlags) register(f *flags) {
+	s.requestFlags.register(f)
+	s.remoteFlags.register(f)
+	f.StringVar(&s.out, "o", "", "wait, then write the image to `OUT.exr`")
+	f.BoolVar(&s.half, "half", false, "store 16-bit floats")
+	f.BoolVar(&s.wait, "wait", false, "wait until the job has ended")
+	f.StringVar(&s.entry, "entry", "", "`PATH` of the scene file in a bundle that has several")
+	f.StringVar(&s.key, "idempotency-key", "", "`KEY` that makes repeating this command safe")
+}
+
+func submit(ctx context.Context, env Env, arguments []string) error {
+	var s submitFlags
+	f := newFlags("submit", env)
+	s.register(f)
+	positional, err := f.parse(arguments, 1, 1)
+	if err != nil {
+		return ignoreHelp(err)
+	}
+	if err := errors.Join(checkOutputs(s.out), s.finish()); err != nil {
+		return err
+	}
+	c, err := s.connect()
+	if err != nil {
+		return err
+	}
+	if s.request.Scene, s.request.Entry, err = s.upload(ctx, env, c, positional[0]); err != nil {
+		return err
+	}
+	if s.key == "" {
+		s.key = rand.Text() // so that a repeat inside the HTTP client is no second job
+	}
+	snapshot, err := c.Submit(ctx, s.request, s.key)
+	if err != nil {
+		return err
+	}
+	if !s.wait && s.out == "" {
+		return s.print(env, snapshot)
+	}
+	fmt.Fprintf(env.Stderr, "job %s\n", snapshot.ID)
+	return s.await(ctx, env, c, snapshot.ID)
+}
+
+func (s *submitFlags) print(env Env, snapshot job.Snapshot) error {
+	if s.json {
+		return writeJSON(env.Stdout, snapshot)
+	}
+	_, err := fmt.Fprintln(env.Stdout, snapshot.ID)
+	return err
+}
+
+func (s *submitFlags) await(ctx context.Context, env Env, c *client.Client, id string) error {
+	watch := &follower{
+		source: c, id: id, interrupts: env.Interrupts,
+		reporter: &reporter{w: env.Stderr, terminal: env.Terminal},
+	}
+	snapshot, err := watch.follow(ctx)
+	if err != nil {
+		return err
+	}
+	image := "image.exr?precision=float"
+	if s.half {
+		image = "image.exr?precision=half"
+	}
+	err = writeOutputs(output{s.out, func(w io.Writer) error { return c.Download(ctx, id, image, w) }})
+	if err != nil {
+		return err
+	}
+	return s.print(env, snapshot)
+}
+
+// upload sends a bundle, or the files of a scene, and returns the bundle's digest and the entry.
+func (s *submitFlags) upload(ctx context.Context, env Env, c *client.Client, path string) (digest, entry string, err error) {
+	if strings.EqualFold(filepath.Ext(path), ".xml") {
+		return s.uploadScene(ctx, env, c, path)
+	}
+	file, err := os.Open(path)
+	if err != nil {
+		return "", "", err
+	}
+	defer file.Close()
+	scene, err := c.Upload(ctx, file)
+	if err != nil {
+		return "", "", fmt.Errorf("%s: %w", path, err)
+	}
+	entry, err = chooseEntry(scene, s.entry)
+	if err != nil {
+		return "", "", fmt.Errorf("%s: %w", path, err)
+	}
+	return scene.Digest, entry, nil
+}
+
+func (s *submitFlags) uploadScene(ctx context.Context, env Env, c *client.Client, path string) (digest, entry string, err error) {
+	program, err := child.Locate(env.Getenv)
+	if err != nil {
+		return "", "", err
+	}
+	local, err := localScene(ctx, program, path, &s.requestFlags)
+	if err != nil {
+		return "", "", err
+	}
+	reader, writer := io.Pipe()
+	go func() { writer.CloseWithError(local.WriteTar(writer)) }() // ends when the reader is closed
+	defer reader.Close()
+	scene, err := c.Upload(ctx, reader)
+	if err != nil {
+		return "", "", fmt.Errorf("%s: %w", path, err)
+	}
+	return scene.Digest, local.Entry, nil
+}
+
+// chooseEntry picks the scene file: the one asked for, or the only one nearest to the root.
+func chooseEntry(scene bundle.Scene, asked string) (string, error) {
+	if asked != "" {
+		if !slices.ContainsFunc(scene.Files, func(file blob.File) bool { return file.Path == asked }) {
+			return "", usagef("--entry: there is no %s in the bundle", asked)
+		}
+		return asked, nil
+	}
+	depth := func(path string) int { return strings.Count(path, "/") }
+	switch {
+	case len(scene.Entries) == 0:
+		return "", errors.New("there is no .xml file in the bundle")
+	case len(scene.Entries) > 1 && depth(scene.Entries[0]) == depth(scene.Entries[1]):
+		return "", usagef("the bundle has several scene files (%s); choose with --entry",
+			strings.Join(scene.Entries, ", "))
+	}
+	return scene.Entries[0], nil
+}

@@ -1,0 +1,370 @@
+package coordinator
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"regexp"
+	"strings"
+	"time"
+
+	"google.golang.org/protobuf/proto"
+
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
+	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/lease"
+)
+
+const (
+	maxLeaseWait  = 30 * time.Second
+	maxSegments   = 4096
+	maxNameBytes  = 200
+	maxActivity   = 200
+	maxTaskState  = 48 << 20 // chain states in one lease answer, below the message limit
+	leaseRecheck  = time.Second
+)
+
+var instancePattern = regexp.MustCompile(`^[0-9a-f]{32}$`)
+
+// Register introduces a worker. A repeated instance keeps its identity.
+func (c *Coordinator) Register(_ context.Context, in *workv1.RegisterRequest) (*workv1.RegisterResponse, error) {
+	if !instancePattern.MatchString(in.GetInstance()) {
+		return nil, &job.FieldError{Field: "instance", Detail: "is not 32 hex digits"}
+	}
+	if in.GetVersion() == "" || len(in.GetVersion()) > maxNameBytes {
+		return nil, &job.FieldError{Field: "version", Detail: "is missing or too long"}
+	}
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	w := c.byInstance(in.GetInstance())
+	if w == nil {
+		w = &worker{id: "w-" + c.options.NewID(), instance: in.GetInstance()}
+		c.workers[w.id] = w
+	}
+	w.name, w.version, w.threads = clip(in.GetName(), maxNameBytes), in.GetVersion(), int(in.GetThreads())
+	w.lastContact = c.options.Now()
+	c.log.Info("worker registered", "worker", w.id, "name", w.name, "version", w.version, "threads", w.threads)
+	return &workv1.RegisterResponse{WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds()}, nil
+}
+
+func (c *Coordinator) byInstance(instance string) *worker {
+	for _, w := range c.workers {
+		if w.instance == instance {
+			return w
+		}
+	}
+	return nil
+}
+
+func clip(text string, limit int) string {
+	if len(text) > limit {
+		text = text[:limit]
+	}
+	return strings.ToValidUTF8(text, "")
+}
+
+// Lease grants tasks of the oldest job that has any for this worker, waiting for some as long as
+// the worker asks.
+func (c *Coordinator) Lease(ctx context.Context, in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+	wait := time.Duration(min(max(in.GetWaitSeconds(), 0), maxLeaseWait.Seconds()) * float64(time.Second))
+	deadline := time.NewTimer(wait)
+	defer deadline.Stop()
+	recheck := time.NewTicker(leaseRecheck) // expired leases announce nothing by themselves
+	defer recheck.Stop()
+	for {
+		changed := c.changes()
+		answer, err := c.tryLease(in)
+		if err != nil || len(answer.GetTasks()) > 0 || answer.GetDrain() {
+			return answer, err
+		}
+		select {
+		case <-changed:
+		case <-recheck.C:
+		case <-deadline.C:
+			return answer, nil
+		case <-c.stopped:
+			return answer, nil
+		case <-ctx.Done():
+			return nil, ctx.Err()
+		}
+	}
+}
+
+func (c *Coordinator) changes() <-chan struct{} {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	return c.changed
+}
+
+func (c *Coordinator) tryLease(in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+	w, err := c.findWorker(in.GetWorkerId())
+	if err != nil {
+		return nil, err
+	}
+	answer := &workv1.LeaseResponse{TtlSeconds: c.options.LeaseTTL.Seconds(), Drain: w.draining}
+	if w.draining {
+		return answer, nil
+	}
+	limit := int(min(max(in.GetMaxSegments(), 1), maxSegments))
+	for _, r := range c.runs() {
+		if answer.Tasks = r.lease(w, limit); len(answer.Tasks) > 0 {
+			break
+		}
+	}
+	return answer, nil
+}
+
+// lease grants tasks of this job, none if the worker cannot or need not help.
+func (r *run) lease(w worker, limit int) []*workv1.Task {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || !r.accepts(w) {
+		return nil
+	}
+	r.expire()
+	if r.rec.State.Ended() {
+		return nil
+	}
+	refs := r.table.Grant(w.id, limit, r.c.liveWorkers(w.version) <= 1, r.c.options.Now())
+	if len(refs) == 0 {
+		return nil
+	}
+	if r.rec.State == job.Queued {
+		r.setState(job.Inspecting, "")
+		r.save()
+	}
+	if r.spec != nil {
+		r.pin(w.version)
+	}
+	return r.buildTasks(refs, w)
+}
+
+// accepts tells whether the worker's version may render this job. Requires: mu.
+func (r *run) accepts(w worker) bool {
+	pinned := r.spec.GetWorkerVersion()
+	if pinned == "" || pinned == w.version {
+		return true
+	}
+	if !r.warned[w.version] {
+		r.warned[w.version] = true
+		r.publish("warning", fmt.Sprintf("worker %s has version %s, this job is rendered by %s", w.name, w.version, pinned), nil)
+		r.save()
+	}
+	return false
+}
+
+// buildTasks turns leases into messages; leases whose chain states would make the answer too long
+// are given back. Requires: mu.
+func (r *run) buildTasks(refs []lease.Ref, w worker) []*workv1.Task {
+	scene := &scenev1.SceneRef{
+		BundleDigest: r.rec.Request.Scene, Entry: r.rec.Request.Entry,
+		Defaults: r.rec.Request.Defaults, Lenient: r.rec.Request.Lenient,
+	}
+	spec := r.spec
+	if spec == nil {
+		spec = &jobv1.ResolvedSpec{}
+	}
+	var tasks []*workv1.Task
+	bytes := 0
+	for _, ref := range refs {
+		t := &workv1.Task{TaskId: ref.Task, Epoch: ref.Epoch, JobId: r.id, Scene: scene, Spec: spec}
+		r.fillWork(t, r.tasks[ref.Task])
+		bytes += proto.Size(t)
+		if len(tasks) > 0 && bytes > maxTaskState {
+			r.table.Release(ref, w.id)
+			continue
+		}
+		tasks = append(tasks, t)
+	}
+	return tasks
+}
+
+// fillWork requires: mu.
+func (r *run) fillWork(t *workv1.Task, key taskKey) {
+	switch {
+	case key.phase == job.Inspecting:
+		t.Work = &workv1.Task_Inspect{Inspect: &workv1.InspectTask{}}
+	case key.phase == job.Bootstrapping:
+		t.Work = &workv1.Task_Bootstrap{Bootstrap: &workv1.BootstrapTask{FirstIndex: key.first.First, Count: key.first.Count}}
+	case r.state.Chains():
+		t.Work = &workv1.Task_Chains{Chains: &workv1.ChainSegmentsTask{
+			Round:  uint32(key.round),
+			Groups: []*workv1.ChainGroupState{r.groupState(key)},
+		}}
+	default:
+		t.Work = &workv1.Task_Paths{Paths: &workv1.PathSegmentsTask{
+			Round: uint32(key.round), FirstSegment: uint32(key.segment), SegmentCount: 1,
+			FirstSample: r.state.SamplesBefore(key.round),
+		}}
+	}
+}
+
+func (r *run) groupState(key taskKey) *workv1.ChainGroupState {
+	g := &workv1.ChainGroupState{Group: uint32(key.segment)}
+	if key.round > 0 {
+		g.State, _ = r.state.StateBefore(key.round, key.segment)
+		return g
+	}
+	for _, seed := range r.state.Seeds[key.segment] {
+		g.SeedIndices = append(g.SeedIndices, seed.Index)
+		g.SeedValues = append(g.SeedValues, seed.Value)
+	}
+	return g
+}
+
+// Heartbeat renews leases and tells which to drop.
+func (c *Coordinator) Heartbeat(_ context.Context, in *workv1.HeartbeatRequest) (*workv1.HeartbeatResponse, error) {
+	w, err := c.findWorker(in.GetWorkerId())
+	if err != nil {
+		return nil, err
+	}
+	answer := &workv1.HeartbeatResponse{Drain: w.draining}
+	activity := ""
+	for _, p := range in.GetLeases() {
+		directive := workv1.Directive_DIRECTIVE_ABANDON
+		if r := c.runOfTask(p.GetLease().GetTaskId()); r != nil && r.renew(w.id, p) {
+			directive = workv1.Directive_DIRECTIVE_CONTINUE
+			activity = clip(p.GetActivity(), maxActivity)
+		}
+		answer.Directives = append(answer.Directives, &workv1.LeaseDirective{Lease: p.GetLease(), Directive: directive})
+	}
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if known := c.workers[w.id]; known != nil {
+		known.activity = activity
+	}
+	return answer, nil
+}
+
+func (r *run) renew(workerID string, p *workv1.LeaseProgress) bool {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	fraction := min(max(p.GetFraction(), 0), 1)
+	if !r.table.Renew(ref(p.GetLease()), workerID, fraction, r.c.options.Now()) {
+		return false
+	}
+	if r.rec.State != job.Rendering || p.GetActivity() != "" {
+		r.activity = clip(p.GetActivity(), maxActivity)
+	}
+	return true
+}
+
+func ref(l *workv1.LeaseRef) lease.Ref {
+	return lease.Ref{Task: l.GetTaskId(), Epoch: l.GetEpoch()}
+}
+
+// runOfTask finds the job of a task by its name; nil if there is none.
+func (c *Coordinator) runOfTask(task string) *run {
+	id, _, _ := strings.Cut(task, "/")
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	return c.jobs[id]
+}
+
+// Report takes the result of an inspection or of bootstrap samples, or a failure.
+func (c *Coordinator) Report(_ context.Context, in *workv1.ReportRequest) (*workv1.ReportResponse, error) {
+	w, err := c.findWorker(in.GetWorkerId())
+	if err != nil {
+		return nil, err
+	}
+	r := c.runOfTask(in.GetLease().GetTaskId())
+	if r == nil {
+		return superseded("no such job"), nil
+	}
+	defer c.announce()
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if !r.table.Held(ref(in.GetLease()), w.id) {
+		return superseded("the lease is gone"), nil
+	}
+	err = r.takeReport(w, in)
+	var bad *malformedError
+	if errors.As(err, &bad) {
+		r.blame(in.GetLease(), w, bad.Error())
+		return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_REJECTED, Message: bad.Error()}, nil
+	}
+	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_COMMITTED}, err
+}
+
+func superseded(message string) *workv1.ReportResponse {
+	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_SUPERSEDED, Message: message}
+}
+
+// malformedError is a result that no correct worker sends.
+type malformedError struct{ message string }
+
+func (e *malformedError) Error() string { return e.message }
+
+// takeReport requires: mu; the worker holds the lease.
+func (r *run) takeReport(w worker, in *workv1.ReportRequest) error {
+	key := r.tasks[in.GetLease().GetTaskId()]
+	switch result := in.GetResult().(type) {
+	case *workv1.ReportRequest_Failure:
+		r.takeFailure(w, in.GetLease(), result.Failure)
+		return nil
+	case *workv1.ReportRequest_Scene:
+		if key.phase == job.Inspecting {
+			return r.inspected(in.GetLease().GetTaskId(), result.Scene)
+		}
+	case *workv1.ReportRequest_Bootstrap:
+		if key.phase == job.Bootstrapping {
+			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
+		}
+	}
+	return &malformedError{"the result does not fit the task"}
+}
+
+// takeFailure requires: mu.
+func (r *run) takeFailure(w worker, l *workv1.LeaseRef, f *workv1.TaskFailure) {
+	message := strings.ToValidUTF8(f.GetMessage(), "?")
+	if f.GetReason() == workv1.FailureReason_FAILURE_REASON_SCENE {
+		r.fail(message)
+		return
+	}
+	r.blame(l, w, fmt.Sprintf("%s: %s", f.GetReason(), message))
+}
+
+// blame gives a lease back as failed and ends the job if its task is poison. Requires: mu.
+func (r *run) blame(l *workv1.LeaseRef, w worker, evidence string) {
+	if !r.table.Fail(ref(l), w.id, evidence) {
+		return
+	}
+	r.publish("fault", fmt.Sprintf("task %s failed on worker %s: %s", l.GetTaskId(), w.name, evidence), nil)
+	r.endIfPoisoned()
+	r.save()
+}
+
+// endIfPoisoned requires: mu.
+func (r *run) endIfPoisoned() {
+	alone := r.c.liveWorkers(r.spec.GetWorkerVersion()) <= 1
+	p, poisoned := r.table.Poisoned(alone)
+	if !poisoned {
+		return
+	}
+	text := fmt.Sprintf("task %s cannot be rendered: it failed on, or was lost with, %d worker(s)", p.Task, p.Workers)
+	if p.Evidence != "" {
+		text += "; the last said: " + p.Evidence
+	}
+	r.fail(text)
+}
+
+// expire ends leases whose time is over. Requires: mu.
+func (r *run) expire() {
+	expired := r.table.Expire(r.c.options.Now())
+	if len(expired) == 0 {
+		return
+	}
+	r.c.metrics.expired.Add(float64(len(expired)))
+	byWorker := make(map[string]int)
+	for _, e := range expired {
+		byWorker[e.Worker]++
+	}
+	for id, n := range byWorker {
+		r.publish("fault", fmt.Sprintf("worker %s is lost with %d task(s); they are leased again", id, n), nil)
+	}
+	r.endIfPoisoned()
+	r.save()
+}
+

@@ -1,0 +1,228 @@
+package coordinator
+
+import (
+	"fmt"
+	"io"
+	"time"
+
+	"metrofarm/services/internal/checkpoint"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/render"
+	"metrofarm/services/internal/round"
+)
+
+// checkpointShare is the most of the time that checkpoints may take: one hundredth.
+const checkpointShare = 100
+
+// housekeep does for every job what no call from outside does. It runs in one goroutine.
+func (c *Coordinator) housekeep() {
+	for _, r := range c.runs() {
+		r.tick()
+		r.closeRound()
+		if r.checkpointDue(false) {
+			r.checkpoint()
+		}
+		r.release()
+	}
+	c.forgetWorkers()
+}
+
+// tick looks at the clock.
+func (r *run) tick() {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.State.Ended() {
+		return
+	}
+	r.expire()
+	limit := r.rec.Request.Stop.TimeSeconds
+	if r.rec.State == job.Rendering && limit > 0 && r.wallSeconds() >= limit {
+		r.decideLast(round.StopTime)
+	}
+	r.publishProgress()
+}
+
+// publishProgress tells live readers about a job at most once a second. Requires: mu.
+func (r *run) publishProgress() {
+	now := r.c.options.Now()
+	if r.rec.State == job.Queued || r.rec.Paused || len(r.events.streams) == 0 || now.Sub(r.events.progressAt) < time.Second {
+		return
+	}
+	r.events.progressAt = now
+	r.publish("progress", "", nil)
+}
+
+// closeRound folds the first open round if it is complete, evaluates it and decides whether it was
+// the last. The film-sized work happens on a snapshot: deliveries to the next round go on.
+func (r *run) closeRound() {
+	for {
+		snapshot := r.completeSnapshot()
+		if snapshot == nil {
+			return
+		}
+		if err := snapshot.Fold(); err != nil {
+			r.failWith(err)
+			return
+		}
+		point, err := snapshot.Evaluate()
+		if err != nil {
+			r.failWith(err)
+			return
+		}
+		r.adopt(snapshot, point)
+		r.c.announce()
+	}
+}
+
+func (r *run) failWith(err error) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if !r.rec.State.Ended() {
+		r.fail(err.Error())
+	}
+}
+
+func (r *run) completeSnapshot() *render.State {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() {
+		return nil
+	}
+	return r.state.Snapshot()
+}
+
+func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.State != job.Rendering { // canceled meanwhile
+		return
+	}
+	point.WallSeconds = r.wallSeconds()
+	point.CPUSeconds += r.extra.BootstrapCPUSeconds
+	point.Rays += r.extra.BootstrapRays
+	point.PathEvaluations += r.extra.BootstrapEvaluations
+	folded.Points = append(folded.Points, point)
+	r.state.Adopt(folded)
+	r.dirty = true
+	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
+	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)
+	if last {
+		r.state.Drop()
+		r.clearTasks()
+		r.finishing = &decision
+	} else {
+		r.openTasks()
+	}
+	r.publish("round", fmt.Sprintf("round %d", point.Round), &point)
+	r.publish("image", fmt.Sprintf("round %d", point.Round), nil)
+	r.save()
+}
+
+// perPixel is what one unit of a round's size amounts to per pixel.
+func (r *run) perPixel() float64 {
+	if !r.state.Chains() {
+		return 1
+	}
+	pixels := float64(r.spec.GetWidth()) * float64(r.spec.GetHeight())
+	return float64(r.spec.GetChainGroups()) * float64(r.spec.GetGroupSize()) / pixels
+}
+
+// relErrors lists the errors by round, negative where unknown.
+func relErrors(points []job.ConvergencePoint) []float64 {
+	errors := make([]float64, len(points))
+	for i, p := range points {
+		errors[i] = -1
+		if known(p) || p.RelMSE > 0 {
+			errors[i] = p.RelMSE
+		}
+	}
+	return errors
+}
+
+// checkpointDue tells whether a checkpoint should be written now: at the end of a job, when the
+// last one has paid for itself, or when the coordinator leaves and there is something to keep.
+func (r *run) checkpointDue(leaving bool) bool {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.state == nil || r.c.options.Now().Before(r.retryAt) && !leaving {
+		return false
+	}
+	if r.finishing != nil || r.rec.State.Ended() || leaving {
+		return r.dirty || r.finishing != nil
+	}
+	interval := min(max(checkpointShare*r.checkpointCost, r.c.options.CheckpointMin), r.c.options.CheckpointMax)
+	return r.dirty && r.c.options.Now().Sub(r.lastCheckpoint) >= interval
+}
+
+// checkpoint writes the job's progress to a new blob, then swings the pointer to it. A job that has
+// reached its last round becomes Done with that same step.
+func (r *run) checkpoint() {
+	start := time.Now()
+	c, name := r.checkpointSnapshot()
+	if c.State == nil {
+		return
+	}
+	err := r.c.options.Blobs.WriteBlob(name, func(w io.Writer) error { return checkpoint.Write(w, c) })
+	if err != nil {
+		// The job goes on: it can be rendered again from the last checkpoint that was written.
+		r.c.log.Error("checkpoint failed", "job", r.id, "error", err)
+		r.mu.Lock()
+		r.dirty = true
+		r.retryAt = r.c.options.Now().Add(r.c.options.CheckpointMin)
+		r.mu.Unlock()
+		return
+	}
+	cost := time.Since(start)
+	r.c.metrics.checkpointSeconds.Observe(cost.Seconds())
+	r.swing(name, cost)
+}
+
+func (r *run) checkpointSnapshot() (checkpoint.Checkpoint, string) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.state == nil {
+		return checkpoint.Checkpoint{}, ""
+	}
+	r.dirty = false
+	r.rec.Checkpoints++
+	extra := r.extra
+	extra.WallSeconds = r.wallSeconds()
+	return checkpoint.Checkpoint{State: r.state.Snapshot(), Extra: extra}, r.checkpointName()
+}
+
+// checkpointName is new: with the claim's epoch in it, an owner that was fenced off cannot overwrite
+// a blob of the next one. Requires: mu.
+func (r *run) checkpointName() string {
+	return fmt.Sprintf("%s%s-%d-%d", blobPrefix, r.id, r.c.epoch, r.rec.Checkpoints)
+}
+
+// swing makes a written checkpoint the one to resume from and removes the one before.
+func (r *run) swing(name string, cost time.Duration) {
+	r.mu.Lock()
+	old := r.rec.Checkpoint
+	r.rec.Checkpoint = name
+	r.checkpointCost = cost
+	r.lastCheckpoint = r.c.options.Now()
+	if d := r.finishing; d != nil && r.rec.State == job.Rendering {
+		r.finishing = nil
+		r.rec.StopReason = d.Reason
+		r.setState(job.Done, d.Reason)
+	}
+	saved := r.save()
+	r.mu.Unlock()
+	if saved && old != "" {
+		if err := r.c.options.Blobs.DeleteBlob(old); err != nil {
+			r.c.log.Warn("old checkpoint stays", "blob", old, "error", err)
+		}
+	}
+}
+
+// release frees the film of a job that has ended and is checkpointed; images then come from the
+// checkpoint.
+func (r *run) release() {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.State.Ended() && !r.dirty {
+		r.state, r.image, r.finishing = nil, nil, nil
+	}
+}

@@ -1,0 +1,77 @@
+package coordinator
+
+import (
+	"context"
+	"fmt"
+
+	"metrofarm/services/internal/develop"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/render"
+)
+
+// Image implements api.Service. The caller must not change the slices: they are shared.
+func (c *Coordinator) Image(_ context.Context, id string) (job.Image, error) {
+	r, err := c.find(id)
+	if err != nil {
+		return job.Image{}, err
+	}
+	// One development of a job at a time: the others then find it done.
+	r.imageMu.Lock()
+	defer r.imageMu.Unlock()
+	state, image, err := r.imageSource()
+	if err != nil || state == nil {
+		return image, err
+	}
+	r.developInto(&image, state)
+	r.keepImage(&image)
+	return image, nil
+}
+
+// imageSource returns the film to develop and the image's attributes, or no film and the image that
+// was developed before.
+func (r *run) imageSource() (*render.State, job.Image, error) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	state := r.state
+	if state == nil && r.rec.Checkpoint != "" {
+		read, err := r.c.readCheckpoint(r.rec)
+		if err != nil {
+			return nil, job.Image{}, fmt.Errorf("image: %w", err)
+		}
+		state = read.State
+	}
+	if state == nil || state.Closed == 0 && r.rec.State != job.Done {
+		return nil, job.Image{}, fmt.Errorf("job %s: %w", r.id, job.ErrNoImage)
+	}
+	final := r.rec.State == job.Done
+	if r.image != nil && r.image.Rounds == state.Closed && r.image.Final == final {
+		return nil, *r.image, nil
+	}
+	snapshot := r.snapshot()
+	return state.Snapshot(), job.Image{
+		Width: int(state.Spec.GetWidth()), Height: int(state.Spec.GetHeight()),
+		SceneDigest: r.rec.Request.Scene, JobID: r.id, Integrator: snapshot.Integrator,
+		Seed: state.Spec.GetSeed(), Rounds: state.Closed, Final: final,
+		B: snapshot.B, BStandardError: snapshot.BStandardError, FilmSHA256: snapshot.FilmSHA256,
+	}, nil
+}
+
+func (r *run) developInto(image *job.Image, state *render.State) {
+	images := develop.Develop(state.Total, state.Scales())
+	image.RGB, image.Variance = images.RGB(), images.VarianceImage()
+	image.Mutations = state.Account.Counts.Mutations
+	if n := len(state.Points); n > 0 {
+		p := state.Points[n-1]
+		image.B, image.BStandardError, image.RelMSE, image.FilmSHA256 = p.B, p.BStandardError, p.RelMSE, p.FilmSHA256
+	}
+}
+
+// keepImage remembers the image of a running job: previews ask for it often.
+func (r *run) keepImage(image *job.Image) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.state != nil {
+		kept := *image
+		r.image = &kept
+	}
+}

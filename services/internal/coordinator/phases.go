@@ -1,0 +1,136 @@
+package coordinator
+
+import (
+	"fmt"
+	"math"
+
+	"google.golang.org/protobuf/proto"
+
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
+	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	"metrofarm/services/internal/bootstrap"
+	"metrofarm/services/internal/film"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/plan"
+	"metrofarm/services/internal/render"
+	"metrofarm/services/internal/round"
+	"metrofarm/services/internal/tally"
+)
+
+// maxFilterRadius keeps the border, and with it the number of cells, within reason.
+const maxFilterRadius = 64
+
+// inspected takes a scene report, plans the job and starts the next phase. Requires: mu.
+func (r *run) inspected(task string, report *scenev1.SceneReport) error {
+	if radius := report.GetFilterRadius(); !(radius >= 0 && radius <= maxFilterRadius) {
+		return &malformedError{fmt.Sprintf("filter radius %v is outside 0..%d", radius, maxFilterRadius)}
+	}
+	spec, warnings, err := plan.Resolve(r.rec.Request, report)
+	if err != nil {
+		r.fail(err.Error())
+		return nil
+	}
+	encoded, err := proto.Marshal(report)
+	if err != nil {
+		return fmt.Errorf("coordinator: report: %w", err)
+	}
+	r.closeTask(task)
+	r.report, r.spec, r.extra.Report = report, spec, encoded
+	r.extra.LoadSeconds = report.GetLoadSeconds() + report.GetBuildSeconds()
+	if math.IsNaN(r.extra.LoadSeconds) || math.IsInf(r.extra.LoadSeconds, 0) {
+		r.extra.LoadSeconds = 0
+	}
+	for _, text := range append(report.GetWarnings(), warnings...) {
+		r.warn(text)
+	}
+	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PATH && spec.GetUnit() > 0 {
+		r.startRendering([film.Halves]tally.Sums{}, nil)
+	} else {
+		r.startBootstrap()
+		r.setState(job.Bootstrapping, "")
+	}
+	r.save()
+	return nil
+}
+
+// sampled takes the values of one bootstrap range. Requires: mu.
+func (r *run) sampled(task string, part plan.Range, result *workv1.BootstrapResult) error {
+	if result.GetFirstIndex() != part.First || len(result.GetValues()) != int(part.Count) {
+		return &malformedError{fmt.Sprintf("%d values from index %d, not %d from %d",
+			len(result.GetValues()), result.GetFirstIndex(), part.Count, part.First)}
+	}
+	if len(result.GetAnomalyCounts()) > tally.AnomalyKinds {
+		return &malformedError{"too many kinds of anomalies"}
+	}
+	if err := r.samples.Set(part.First, result.GetValues()); err != nil {
+		return &malformedError{err.Error()}
+	}
+	r.closeTask(task)
+	r.extra.BootstrapEvaluations += uint64(part.Count)
+	r.extra.BootstrapRays += result.GetRays()
+	if cpu := result.GetCpuSeconds(); cpu >= 0 && !math.IsInf(cpu, 0) {
+		r.extra.BootstrapCPUSeconds += cpu
+	}
+	for kind, n := range result.GetAnomalyCounts() {
+		r.extra.BootstrapAnomalies[kind] += n
+	}
+	r.reportAnomalies(result.GetAnomalies())
+	if r.table.Open() == 0 {
+		r.finishBootstrap()
+	}
+	return nil
+}
+
+// finishBootstrap fixes the film unit and the seeds. Requires: mu; all samples are in.
+func (r *run) finishBootstrap() {
+	halves := [film.Halves]tally.Sums{r.samples.Half(0), r.samples.Half(1)}
+	mean, _ := bootstrapB(halves)
+	spec := proto.CloneOf(r.spec)
+	warning, black := plan.SetUnit(spec, mean)
+	r.spec = spec
+	if warning != "" {
+		r.warn(warning)
+	}
+	var seeds [][]bootstrap.Seed
+	if plan.Chains(spec) > 0 {
+		seeds = r.samples.Seeds(spec.GetSeed(), int(spec.GetChainGroups()), int(spec.GetGroupSize()))
+		for h, half := range halves {
+			if half.Sum == 0 && !black {
+				r.warn(fmt.Sprintf("bootstrap half %d carries no light: its half of the image stays black; more bootstrap samples may help", h))
+			}
+		}
+	}
+	r.samples = nil
+	r.startRendering(halves, seeds)
+	if black {
+		r.clearTasks()
+		r.state.Drop()
+		r.emptySHA, _ = r.state.FilmSHA256() // writing to a hash cannot fail
+		r.finishing = &round.Decision{Round: -1, Reason: round.StopBlack}
+	}
+	r.save()
+	r.c.wake()
+}
+
+// startRendering opens the first rounds. Requires: mu; the spec has its unit.
+func (r *run) startRendering(halves [film.Halves]tally.Sums, seeds [][]bootstrap.Seed) {
+	r.state = render.New(r.spec, plan.Cells(r.spec, r.report), halves, seeds)
+	r.dirty = true
+	r.setState(job.Rendering, "")
+	r.startClock()
+	r.openTasks()
+}
+
+// reportAnomalies publishes a sample of the contributions that were set to zero. Requires: mu; the
+// caller saves or the next save does.
+func (r *run) reportAnomalies(anomalies []*workv1.Anomaly) {
+	const shown = 4 // of at most 16 per batch: the counts tell how many there were
+	for i, a := range anomalies {
+		if i == shown {
+			return
+		}
+		r.publish("anomaly", fmt.Sprintf("%s in %s at depth %d, primary sample %08x",
+			a.GetKind(), clip(a.GetPlace(), maxActivity), a.GetDepth(), a.GetPrimarySample()), nil)
+	}
+}

@@ -1,0 +1,259 @@
+package coordinator
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"sync"
+	"time"
+
+	"google.golang.org/protobuf/proto"
+
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
+	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	"metrofarm/services/internal/bootstrap"
+	"metrofarm/services/internal/checkpoint"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/lease"
+	"metrofarm/services/internal/plan"
+	"metrofarm/services/internal/render"
+	"metrofarm/services/internal/round"
+	"metrofarm/services/internal/store"
+)
+
+// run is one job. Methods that say so require mu.
+type run struct {
+	c      *Coordinator
+	id     string
+	number uint64 // order of creation
+
+	mu    sync.Mutex
+	rec   store.Record
+	table *lease.Table
+	tasks map[string]taskKey
+
+	// From inspection on.
+	report *scenev1.SceneReport
+	spec   *jobv1.ResolvedSpec // replaced, never changed: tasks under way share it
+	// While bootstrapping.
+	samples *bootstrap.Samples
+	// While rendering, and after the end until the last checkpoint is written.
+	state     *render.State
+	finishing *round.Decision // the last round is folded, its checkpoint is being written
+	extra     checkpoint.Extra
+	emptySHA  string // of the film of a job without light
+
+	activity     string
+	runningSince time.Time // zero while the wall clock of rendering stands still
+	meter        meter
+	warned       map[string]bool // worker versions already reported as unfit
+
+	dirty          bool // there is something to checkpoint
+	lastCheckpoint time.Time
+	retryAt        time.Time // after a checkpoint failed
+	checkpointCost time.Duration
+
+	events eventLog
+
+	imageMu sync.Mutex // taken before mu
+	image   *job.Image // of the complete rounds, while rendering
+}
+
+// taskKey says what a task of the current phase is.
+type taskKey struct {
+	phase   job.State
+	first   plan.Range // while bootstrapping
+	round   int
+	segment int
+}
+
+func (c *Coordinator) newRun(rec store.Record) *run {
+	return &run{
+		c: c, id: rec.ID, number: rec.Number, rec: rec,
+		table:  lease.NewTable(c.options.LeaseTTL, c.nextEpoch),
+		tasks:  make(map[string]taskKey),
+		warned: make(map[string]bool),
+		events: eventLog{sequence: rec.Sequence},
+	}
+}
+
+// put opens a task. Requires: mu.
+func (r *run) put(id string, order uint64, key taskKey) {
+	r.tasks[id] = key
+	r.table.Put(id, order)
+}
+
+// closeTask forgets a finished task. Requires: mu.
+func (r *run) closeTask(id string) {
+	r.table.Done(id, r.c.options.Now())
+	delete(r.tasks, id)
+}
+
+// clearTasks drops all tasks: a phase is over. Requires: mu.
+func (r *run) clearTasks() {
+	r.table = lease.NewTable(r.c.options.LeaseTTL, r.c.nextEpoch)
+	clear(r.tasks)
+}
+
+// startInspection opens the job's first task. Requires: mu.
+func (r *run) startInspection() {
+	r.put(r.id+"/inspect", 0, taskKey{phase: job.Inspecting})
+}
+
+// startBootstrap opens the bootstrap's tasks. Requires: mu; spec is resolved.
+func (r *run) startBootstrap() {
+	r.samples = bootstrap.NewSamples(r.spec.GetBootstrapSamples())
+	for i, part := range plan.BootstrapRanges(r.spec) {
+		r.put(fmt.Sprintf("%s/b%d", r.id, i), uint64(i), taskKey{phase: job.Bootstrapping, first: part})
+	}
+}
+
+// openTasks opens the tasks of all segments that can be rendered now. Requires: mu; rendering.
+func (r *run) openTasks() {
+	last := r.lastRound()
+	for number := r.state.Closed; number <= min(r.state.Closed+1, last); number++ {
+		for segment := range r.state.Expected() {
+			r.openSegment(number, segment)
+		}
+	}
+}
+
+// openSegment opens one segment's task if it can be rendered now. Requires: mu; rendering.
+func (r *run) openSegment(number, segment int) {
+	if number > r.lastRound() || !r.state.Ready(number, segment) {
+		return
+	}
+	order := uint64(number)*uint64(len(r.state.Expected())) + uint64(segment)
+	r.put(segmentTask(r.id, number, segment), order, taskKey{phase: job.Rendering, round: number, segment: segment})
+}
+
+func segmentTask(id string, number, segment int) string {
+	return fmt.Sprintf("%s/r%d/s%d", id, number, segment)
+}
+
+// lastRound is the last round that may be needed, as far as is known. Requires: mu; spec resolved.
+func (r *run) lastRound() int {
+	last := len(r.spec.GetRoundSizes()) - 1
+	if rounds := r.rec.Request.Stop.Rounds; rounds > 0 {
+		last = min(last, rounds-1)
+	}
+	if d := r.rec.Decision; d != nil {
+		last = min(last, d.Round)
+	}
+	return last
+}
+
+// decideLast records that the round under way is the last one. Requires: mu.
+func (r *run) decideLast(reason string) {
+	if r.rec.Decision != nil || r.finishing != nil {
+		return
+	}
+	number := 0
+	if r.state != nil {
+		number = r.state.Closed
+	}
+	r.rec.Decision = &round.Decision{Round: number, Reason: reason}
+	r.save() // before it takes effect: a restart must stop on the same round
+	for id, key := range r.tasks {
+		if key.phase == job.Rendering && key.round > number {
+			r.table.Drop(id)
+			delete(r.tasks, id)
+		}
+	}
+}
+
+// setState changes the job's state. Requires: mu; the caller saves.
+func (r *run) setState(next job.State, message string) {
+	if err := r.rec.State.To(next); err != nil {
+		r.c.log.Error("state machine", "job", r.id, "error", err)
+		return
+	}
+	now := r.c.options.Now()
+	if r.rec.StartedAt == nil {
+		r.rec.StartedAt = &now
+	}
+	if next.Ended() {
+		r.stopClock()
+		r.rec.EndedAt = &now
+	}
+	r.rec.State = next
+	r.activity = ""
+	if next.Ended() {
+		summary := r.snapshot()
+		r.rec.Summary = &summary
+		if r.state != nil {
+			r.rec.Convergence = r.state.Points
+		}
+	}
+	r.c.log.Info("job state", "job", r.id, "state", string(next), "message", message)
+	r.publish("state", message, nil)
+}
+
+// fail ends the job with an error. Requires: mu.
+func (r *run) fail(message string) {
+	r.rec.Error = message
+	r.end(job.Failed, message)
+}
+
+// end ends the job early; what is rendered stays. Housekeeping writes the last checkpoint.
+// Requires: mu.
+func (r *run) end(state job.State, message string) {
+	r.clearTasks()
+	r.samples = nil
+	r.setState(state, message)
+	r.save()
+	r.c.wake()
+}
+
+// warn adds a warning to the job. Requires: mu; the caller saves.
+func (r *run) warn(text string) {
+	r.rec.Warnings = append(r.rec.Warnings, text)
+	r.publish("warning", text, nil)
+}
+
+// save makes the record and the events so far durable. A failure ends the coordinator; the caller
+// needs the result only if it goes on to destroy something. Requires: mu.
+func (r *run) save() (saved bool) {
+	r.rec.Sequence = r.events.sequence + sequenceReserve
+	err := r.c.options.Store.UpdateJob(context.Background(), r.c.epoch, r.rec, r.events.unsaved)
+	if err != nil && !errors.Is(err, job.ErrNotFound) {
+		r.c.fatal(err)
+		return false
+	}
+	r.events.unsaved = nil
+	return true
+}
+
+// startClock lets the wall time of rendering run. Requires: mu.
+func (r *run) startClock() {
+	if r.runningSince.IsZero() && r.rec.State == job.Rendering && !r.rec.Paused {
+		r.runningSince = r.c.options.Now()
+	}
+}
+
+// stopClock stops it. Requires: mu.
+func (r *run) stopClock() {
+	r.extra.WallSeconds = r.wallSeconds()
+	r.runningSince = time.Time{}
+}
+
+// wallSeconds of rendering so far. Requires: mu.
+func (r *run) wallSeconds() float64 {
+	if r.runningSince.IsZero() {
+		return r.extra.WallSeconds
+	}
+	return r.extra.WallSeconds + r.c.options.Now().Sub(r.runningSince).Seconds()
+}
+
+// pin fixes the version of the workers that render this job. Requires: mu; spec is resolved.
+func (r *run) pin(version string) {
+	if r.spec.GetWorkerVersion() != "" {
+		return
+	}
+	r.spec = proto.CloneOf(r.spec)
+	r.spec.WorkerVersion = version
+	if r.state != nil {
+		r.state.Spec = r.spec
+		r.dirty = true
+	}
+}

@@ -1,0 +1,143 @@
+package coordinator
+
+import (
+	"cmp"
+	"context"
+	"fmt"
+	"slices"
+	"time"
+
+	"metrofarm/services/internal/job"
+)
+
+// forgetAfter is how long a lost worker stays in the list.
+const forgetAfter = 10 * time.Minute
+
+// worker is one worker process. Guarded by Coordinator.mu.
+type worker struct {
+	id, name, version, instance string
+	threads                     int
+	lastContact                 time.Time
+	draining                    bool
+	activity                    string
+	conflicts                   int
+	meter                       meter
+}
+
+// findWorker returns a copy of what is known of a worker and notes the contact. job.ErrNotFound
+// makes the worker register again.
+func (c *Coordinator) findWorker(id string) (worker, error) {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	w := c.workers[id]
+	if w == nil {
+		return worker{}, fmt.Errorf("worker %q: %w", id, job.ErrNotFound)
+	}
+	w.lastContact = c.options.Now()
+	return worker{id: w.id, name: w.name, version: w.version, threads: w.threads, draining: w.draining}, nil
+}
+
+// liveWorkers counts the workers of a version that were heard of within a lease's time.
+func (c *Coordinator) liveWorkers(version string) int {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	n := 0
+	for _, w := range c.workers {
+		if (version == "" || w.version == version) && !c.lost(w) {
+			n++
+		}
+	}
+	return n
+}
+
+// lost tells whether a worker is silent for longer than a lease lives. Requires: mu. A worker that
+// waits for a lease calls rarely, but its next call counts before anything is blamed on it.
+func (c *Coordinator) lost(w *worker) bool {
+	return c.options.Now().Sub(w.lastContact) > c.options.LeaseTTL+maxLeaseWait
+}
+
+// credit counts a worker's merged mutations.
+func (c *Coordinator) credit(id string, mutations uint64) {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if w := c.workers[id]; w != nil {
+		w.meter.add(mutations, c.options.Now())
+	}
+}
+
+// flag notes that a worker delivered what cannot be right.
+func (c *Coordinator) flag(id string) {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if w := c.workers[id]; w != nil {
+		w.conflicts++
+	}
+}
+
+func (c *Coordinator) forgetWorkers() {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	for id, w := range c.workers {
+		if c.options.Now().Sub(w.lastContact) > forgetAfter {
+			delete(c.workers, id)
+		}
+	}
+}
+
+// Workers implements api.Service.
+func (c *Coordinator) Workers(context.Context) ([]job.Worker, error) {
+	held := c.heldByWorker()
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	views := make([]job.Worker, 0, len(c.workers))
+	for _, w := range c.workers {
+		views = append(views, c.workerView(w, held[w.id]))
+	}
+	slices.SortFunc(views, func(a, b job.Worker) int {
+		return cmp.Or(cmp.Compare(a.Name, b.Name), cmp.Compare(a.ID, b.ID))
+	})
+	return views, nil
+}
+
+// heldByWorker counts leases by worker, over all jobs.
+func (c *Coordinator) heldByWorker() map[string]int {
+	held := make(map[string]int)
+	for _, r := range c.runs() {
+		r.mu.Lock()
+		r.table.CountHeld(held)
+		r.mu.Unlock()
+	}
+	return held
+}
+
+// workerView requires: mu.
+func (c *Coordinator) workerView(w *worker, held int) job.Worker {
+	state := "idle"
+	switch {
+	case c.lost(w):
+		state = "lost"
+	case w.draining:
+		state = "draining"
+	case held > 0:
+		state = "busy"
+	}
+	return job.Worker{
+		ID: w.id, Name: w.name, Version: w.version, Threads: w.threads, State: state,
+		LastContact: w.lastContact, LeasedSegments: held, Activity: w.activity,
+		MutationsPerSecond: w.meter.rate(c.options.Now()),
+	}
+}
+
+// Drain implements api.Service.
+func (c *Coordinator) Drain(_ context.Context, id string) (job.Worker, error) {
+	held := c.heldByWorker()
+	defer c.announce() // a waiting lease call then tells the worker
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	w := c.workers[id]
+	if w == nil {
+		return job.Worker{}, fmt.Errorf("worker %q: %w", id, job.ErrNotFound)
+	}
+	w.draining = true
+	return c.workerView(w, held[id]), nil
+}

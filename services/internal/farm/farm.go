@@ -1,0 +1,209 @@
+// Package farm serves FarmService, the coordinator's side of the workers' protocol, over gRPC.
+// Handlers decode, call the coordinator, and encode.
+package farm
+
+import (
+	"context"
+	"errors"
+	"io"
+	"log/slog"
+	"net"
+	"time"
+
+	"google.golang.org/grpc"
+	"google.golang.org/grpc/codes"
+	"google.golang.org/grpc/keepalive"
+	"google.golang.org/grpc/status"
+
+	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/coordinator"
+	"metrofarm/services/internal/job"
+)
+
+const (
+	// maxMessage holds the header of a delivery with chain states, and a lease answer with them.
+	maxMessage = 72 << 20
+	// chunkBytes of a bundle's files per message.
+	chunkBytes = 512 << 10
+	// stopTimeout bounds the wait for calls under way.
+	stopTimeout = 5 * time.Second
+	// A worker whose connection is silent for keepaliveTime is pinged.
+	keepaliveTime    = 10 * time.Second
+	keepaliveTimeout = 5 * time.Second
+)
+
+// Options of a server; all are required.
+type Options struct {
+	Farm   *coordinator.Coordinator
+	Blobs  *blob.Store
+	Logger *slog.Logger
+}
+
+// Server is the gRPC server.
+type Server struct {
+	workv1.UnimplementedFarmServiceServer
+	farm  *coordinator.Coordinator
+	blobs *blob.Store
+	log   *slog.Logger
+	grpc  *grpc.Server
+	ctx   context.Context // ends the long polls
+	end   context.CancelFunc
+}
+
+// NewServer returns a server that is ready to Serve.
+func NewServer(o Options) *Server {
+	if o.Logger == nil {
+		o.Logger = slog.New(slog.DiscardHandler)
+	}
+	s := &Server{farm: o.Farm, blobs: o.Blobs, log: o.Logger}
+	s.ctx, s.end = context.WithCancel(context.Background())
+	s.grpc = grpc.NewServer(
+		grpc.MaxRecvMsgSize(maxMessage),
+		grpc.MaxSendMsgSize(maxMessage),
+		grpc.KeepaliveParams(keepalive.ServerParameters{Time: keepaliveTime, Timeout: keepaliveTimeout}),
+		grpc.KeepaliveEnforcementPolicy(keepalive.EnforcementPolicy{MinTime: time.Second, PermitWithoutStream: true}),
+	)
+	workv1.RegisterFarmServiceServer(s.grpc, s)
+	return s
+}
+
+// Serve serves a listener until Stop.
+func (s *Server) Serve(l net.Listener) error { return s.grpc.Serve(l) }
+
+// Stop ends the long polls, waits a little for calls under way and then cuts them off.
+func (s *Server) Stop() {
+	s.end()
+	done := make(chan struct{})
+	go func() {
+		s.grpc.GracefulStop()
+		close(done)
+	}()
+	select {
+	case <-done:
+	case <-time.After(stopTimeout):
+		s.grpc.Stop()
+		<-done
+	}
+}
+
+// Register implements FarmService.
+func (s *Server) Register(ctx context.Context, in *workv1.RegisterRequest) (*workv1.RegisterResponse, error) {
+	out, err := s.farm.Register(ctx, in)
+	return out, toStatus(err)
+}
+
+// Lease implements FarmService.
+func (s *Server) Lease(ctx context.Context, in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+	ctx, cancel := context.WithCancel(ctx)
+	defer cancel()
+	defer context.AfterFunc(s.ctx, cancel)()
+	out, err := s.farm.Lease(ctx, in)
+	if s.ctx.Err() != nil && err != nil {
+		return nil, status.Error(codes.Unavailable, "the coordinator is stopping")
+	}
+	return out, toStatus(err)
+}
+
+// Heartbeat implements FarmService.
+func (s *Server) Heartbeat(ctx context.Context, in *workv1.HeartbeatRequest) (*workv1.HeartbeatResponse, error) {
+	out, err := s.farm.Heartbeat(ctx, in)
+	return out, toStatus(err)
+}
+
+// Report implements FarmService.
+func (s *Server) Report(ctx context.Context, in *workv1.ReportRequest) (*workv1.ReportResponse, error) {
+	out, err := s.farm.Report(ctx, in)
+	return out, toStatus(err)
+}
+
+// Deliver implements FarmService. A batch whose fate is known early is still read to its end, so
+// that the worker never sees a broken stream instead of the answer.
+func (s *Server) Deliver(stream grpc.ClientStreamingServer[workv1.DeliverRequest, workv1.DeliverResponse]) error {
+	first, err := stream.Recv()
+	if err != nil {
+		return err
+	}
+	if first.GetHeader() == nil {
+		return status.Error(codes.InvalidArgument, "the first message is not the header")
+	}
+	delivery, err := s.farm.StartDelivery(stream.Context(), first.GetHeader())
+	if err != nil {
+		return toStatus(err)
+	}
+	for {
+		message, err := stream.Recv()
+		if errors.Is(err, io.EOF) {
+			return stream.SendAndClose(delivery.Finish(true))
+		}
+		if err != nil {
+			delivery.Finish(false)
+			return err
+		}
+		delivery.Add(message.GetTiles().GetTiles())
+	}
+}
+
+// FetchBundle implements FarmService.
+func (s *Server) FetchBundle(in *workv1.FetchBundleRequest, stream grpc.ServerStreamingServer[workv1.FetchBundleResponse]) error {
+	files, err := s.blobs.Manifest(in.GetBundleDigest())
+	if err != nil {
+		return toStatus(err)
+	}
+	manifest := &scenev1.BundleManifest{}
+	for _, f := range files {
+		manifest.Files = append(manifest.Files, &scenev1.BundleFile{Path: f.Path, Size: uint64(f.Size), Sha256: f.SHA256})
+	}
+	opening := &workv1.FetchBundleResponse{Content: &workv1.FetchBundleResponse_Manifest{Manifest: manifest}}
+	if err := stream.Send(opening); err != nil {
+		return err
+	}
+	for _, f := range files {
+		if err := s.sendFile(stream, f); err != nil {
+			return toStatus(err)
+		}
+	}
+	return nil
+}
+
+func (s *Server) sendFile(stream grpc.ServerStreamingServer[workv1.FetchBundleResponse], f blob.File) error {
+	r, err := s.blobs.OpenFile(f.SHA256)
+	if err != nil {
+		return err
+	}
+	defer r.Close()
+	buffer := make([]byte, chunkBytes)
+	for sent := int64(0); sent < f.Size; {
+		n, err := io.ReadFull(r, buffer[:min(chunkBytes, f.Size-sent)])
+		if err != nil {
+			return err
+		}
+		sent += int64(n)
+		// Send encodes before it returns, so the buffer can be used again.
+		if err := stream.Send(&workv1.FetchBundleResponse{Content: &workv1.FetchBundleResponse_Data{Data: buffer[:n]}}); err != nil {
+			return err
+		}
+	}
+	return nil
+}
+
+// toStatus is the one place where errors become gRPC codes.
+func toStatus(err error) error {
+	switch {
+	case err == nil:
+		return nil
+	case errors.Is(err, job.ErrNotFound), errors.Is(err, blob.ErrNotFound):
+		return status.Error(codes.NotFound, err.Error())
+	case errors.Is(err, job.ErrInvalid), errors.Is(err, blob.ErrName):
+		return status.Error(codes.InvalidArgument, err.Error())
+	case errors.Is(err, context.Canceled):
+		return status.Error(codes.Canceled, err.Error())
+	case errors.Is(err, context.DeadlineExceeded):
+		return status.Error(codes.DeadlineExceeded, err.Error())
+	}
+	if _, ok := status.FromError(err); ok {
+		return err
+	}
+	return status.Error(codes.Internal, err.Error())
+}

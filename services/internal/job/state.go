@@ -1,0 +1,27 @@
+package job
+
+import (
+	"fmt"
+	"slices"
+)
+
+// transitions of the state machine. A repeated path job has its film unit already and goes from
+// Inspecting to Rendering; a scene without light is Done after Bootstrapping. A restarted
+// coordinator puts a job that has no checkpoint back to Queued, which is no transition of its life.
+var transitions = map[State][]State{
+	Queued:        {Inspecting, Failed, Canceled},
+	Inspecting:    {Bootstrapping, Rendering, Failed, Canceled},
+	Bootstrapping: {Rendering, Done, Failed, Canceled},
+	Rendering:     {Done, Failed, Canceled},
+}
+
+// Ended tells whether the state is terminal.
+func (s State) Ended() bool { return s == Done || s == Failed || s == Canceled }
+
+// To checks a transition; it fails with ErrConflict if the state machine has no such edge.
+func (s State) To(next State) error {
+	if slices.Contains(transitions[s], next) {
+		return nil
+	}
+	return fmt.Errorf("job is %s, it cannot become %s: %w", s, next, ErrConflict)
+}

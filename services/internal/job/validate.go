@@ -1,0 +1,110 @@
+package job
+
+import (
+	"fmt"
+	"math"
+	"slices"
+)
+
+// Limits on requests, generous beside what a farm can render.
+const (
+	maxSide      = 32768
+	maxNameBytes = 200
+	maxDefaults  = 1000
+	maxBootstrap = 1 << 24
+	maxChains    = 1 << 20
+	maxPerPixel  = 1 << 40
+	maxRounds    = 64
+	maxSeconds   = 1e9
+)
+
+// Validate checks everything that can be checked without the scene. Its errors are *FieldError.
+func (r *Request) Validate() error {
+	for _, check := range []func() error{
+		r.validateScene, r.validateChoices, r.validateNumbers, r.Stop.validate,
+	} {
+		if err := check(); err != nil {
+			return err
+		}
+	}
+	return nil
+}
+
+func (r *Request) validateScene() error {
+	switch {
+	case r.Scene == "":
+		return invalid("scene", "is missing: the digest of a stored bundle")
+	case r.Entry == "":
+		return invalid("entry", "is missing: the scene file's path inside the bundle")
+	case len(r.Name) > maxNameBytes:
+		return invalid("name", "is longer than %d bytes", maxNameBytes)
+	case len(r.Defaults) > maxDefaults:
+		return invalid("defaults", "has more than %d entries", maxDefaults)
+	}
+	return nil
+}
+
+func (r *Request) validateChoices() error {
+	choices := []struct {
+		field, value string
+		allowed      []string
+	}{
+		{"integrator", r.Integrator, []string{"", IntegratorAuto, IntegratorPath, IntegratorPSSMLT}},
+		{"light_sampling", r.LightSampling, []string{"", "mis", "emitter", "bsdf"}},
+		{"kernel", r.Kernel, []string{"", "kelemen", "gaussian"}},
+	}
+	for _, c := range choices {
+		if !slices.Contains(c.allowed, c.value) {
+			return invalid(c.field, "is %q; allowed: %q", c.value, c.allowed[1:])
+		}
+	}
+	if r.Integrator == IntegratorPath && r.Stop.MutationsPerPixel > 0 {
+		return invalid("stop.mutations_per_pixel", "counts mutations of chains; for path give stop.samples_per_pixel")
+	}
+	if r.Integrator == IntegratorPSSMLT && r.Stop.SamplesPerPixel > 0 {
+		return invalid("stop.samples_per_pixel", "counts samples of plain path tracing; for pssmlt give stop.mutations_per_pixel")
+	}
+	return nil
+}
+
+func (r *Request) validateNumbers() error {
+	switch {
+	case r.Width < 0 || r.Width > maxSide:
+		return invalid("width", "is %d, outside 1..%d", r.Width, maxSide)
+	case r.Height < 0 || r.Height > maxSide:
+		return invalid("height", "is %d, outside 1..%d", r.Height, maxSide)
+	case r.Sigma != 0 && !(r.Sigma > 0 && r.Sigma < 0.25):
+		return invalid("sigma", "is %v, outside 0 < sigma < 0.25", r.Sigma)
+	case r.Sigma != 0 && r.Kernel != "gaussian":
+		return invalid("sigma", "belongs to the gaussian kernel")
+	case r.LargeStepProbability != 0 && !(r.LargeStepProbability > 0 && r.LargeStepProbability <= 1):
+		return invalid("large_step_probability", "is %v, outside 0 < p <= 1", r.LargeStepProbability)
+	case r.BootstrapSamples > maxBootstrap:
+		return invalid("bootstrap_samples", "is above %d", maxBootstrap)
+	case r.Chains > maxChains:
+		return invalid("chains", "is above %d", maxChains)
+	case r.MaxDepth != nil && *r.MaxDepth != -1 && (*r.MaxDepth < 1 || *r.MaxDepth > math.MaxInt32):
+		return invalid("max_depth", "is %d; allowed: -1 (no limit) or at least 1", *r.MaxDepth)
+	}
+	return nil
+}
+
+func (s *StopRules) validate() error {
+	switch {
+	case s.SamplesPerPixel > maxPerPixel:
+		return invalid("stop.samples_per_pixel", "is above %d", uint64(maxPerPixel))
+	case s.MutationsPerPixel > maxPerPixel:
+		return invalid("stop.mutations_per_pixel", "is above %d", uint64(maxPerPixel))
+	case s.TargetError != 0 && !(s.TargetError > 0 && s.TargetError < math.Inf(1)):
+		return invalid("stop.target_error", "is %v; a relative mean squared error is positive", s.TargetError)
+	case s.TimeSeconds != 0 && !(s.TimeSeconds > 0 && s.TimeSeconds <= maxSeconds):
+		return invalid("stop.time_seconds", "is %v, outside 0 < seconds <= %v", s.TimeSeconds, maxSeconds)
+	case s.Rounds < 0 || s.Rounds > maxRounds:
+		return invalid("stop.rounds", "is %d, outside 1..%d", s.Rounds, maxRounds)
+	}
+	return nil
+}
+
+func invalid(field, format string, args ...any) error {
+	return &FieldError{Field: field, Detail: fmt.Sprintf(format, args...)}
+}

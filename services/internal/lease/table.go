@@ -1,0 +1,272 @@
+// Package lease decides who works on what: tasks are leased under growing epochs, renewed by
+// heartbeats, leased again when a lease runs out, and blamed when they take workers down. It is
+// pure: the caller passes the time and serializes calls.
+package lease
+
+import (
+	"cmp"
+	"slices"
+	"time"
+)
+
+// Limits on what one task may cost before its job is given up.
+const (
+	// poisonWorkers is the number of distinct workers that a task may fail on or take down.
+	poisonWorkers = 3
+	// poisonRepeats is the number of failures on a worker that has no other to compare with.
+	poisonRepeats = 3
+	// maxHolders bounds copies of a straggling task.
+	maxHolders = 2
+)
+
+// Ref names a lease: a task under an epoch.
+type Ref struct {
+	Task  string
+	Epoch uint64
+}
+
+// holding is one live lease of a task.
+type holding struct {
+	epoch    uint64
+	worker   string
+	granted  time.Time
+	deadline time.Time
+	fraction float64
+}
+
+type task struct {
+	id       string
+	order    uint64
+	holders  []holding
+	failures map[string]int  // by worker
+	lost     map[string]bool // workers lost while holding it
+	evidence string          // latest failure message
+}
+
+// Table holds the open tasks of one job.
+type Table struct {
+	ttl       time.Duration
+	nextEpoch func() uint64
+	tasks     map[string]*task
+	ordered   []*task // by order, the open ones
+	finished  int
+	spent     time.Duration // from grant to Done, over finished tasks
+	checked   time.Time     // of the last Expire
+}
+
+// NewTable returns an empty table. nextEpoch must grow with every call, over all tables and
+// restarts.
+func NewTable(ttl time.Duration, nextEpoch func() uint64) *Table {
+	return &Table{ttl: ttl, nextEpoch: nextEpoch, tasks: make(map[string]*task)}
+}
+
+// Put opens a task; lower orders are granted first. A task that is open stays as it is.
+func (t *Table) Put(id string, order uint64) {
+	if t.tasks[id] != nil {
+		return
+	}
+	added := &task{id: id, order: order, failures: map[string]int{}, lost: map[string]bool{}}
+	t.tasks[id] = added
+	at, _ := slices.BinarySearchFunc(t.ordered, order, func(k *task, o uint64) int { return cmp.Compare(k.order, o) })
+	t.ordered = slices.Insert(t.ordered, at, added)
+}
+
+// Open is the number of tasks that are not done.
+func (t *Table) Open() int { return len(t.tasks) }
+
+// Grant leases up to limit tasks to a worker: waiting ones in order and, only when none waits,
+// copies of tasks that straggle elsewhere. A task is not offered again to a worker that failed it,
+// unless alone says that there is no other.
+func (t *Table) Grant(worker string, limit int, alone bool, now time.Time) []Ref {
+	var granted []Ref
+	for _, k := range t.ordered {
+		if len(granted) == limit {
+			return granted
+		}
+		if len(k.holders) == 0 && (alone || k.failures[worker] == 0) {
+			granted = append(granted, t.lease(k, worker, now))
+		}
+	}
+	if len(granted) > 0 {
+		return granted
+	}
+	for _, k := range t.ordered {
+		if len(granted) < limit && t.straggles(k, worker, now) {
+			granted = append(granted, t.lease(k, worker, now))
+		}
+	}
+	return granted
+}
+
+func (t *Table) lease(k *task, worker string, now time.Time) Ref {
+	h := holding{epoch: t.nextEpoch(), worker: worker, granted: now, deadline: now.Add(t.ttl)}
+	k.holders = append(k.holders, h)
+	return Ref{Task: k.id, Epoch: h.epoch}
+}
+
+// straggles tells whether a copy of the task is worth giving to a worker: held elsewhere for three
+// times the usual time, and never sooner than the time to live.
+func (t *Table) straggles(k *task, worker string, now time.Time) bool {
+	if len(k.holders) == 0 || len(k.holders) >= maxHolders || t.finished == 0 || k.failures[worker] > 0 {
+		return false
+	}
+	h := k.holders[0]
+	usual := t.spent / time.Duration(t.finished)
+	return h.worker != worker && now.Sub(h.granted) > max(t.ttl, 3*usual)
+}
+
+// Renew extends a lease. False: the lease is gone, its holder should drop the task.
+func (t *Table) Renew(ref Ref, worker string, fraction float64, now time.Time) bool {
+	h := t.holding(ref, worker)
+	if h == nil {
+		return false
+	}
+	h.deadline = now.Add(t.ttl)
+	h.fraction = fraction
+	return true
+}
+
+// Held tells whether the worker holds this very lease.
+func (t *Table) Held(ref Ref, worker string) bool { return t.holding(ref, worker) != nil }
+
+func (t *Table) holding(ref Ref, worker string) *holding {
+	k := t.tasks[ref.Task]
+	if k == nil {
+		return nil
+	}
+	for i := range k.holders {
+		if h := &k.holders[i]; h.epoch == ref.Epoch && h.worker == worker {
+			return h
+		}
+	}
+	return nil
+}
+
+// Done closes a task with all its leases. A task that is not open is no error.
+func (t *Table) Done(id string, now time.Time) {
+	k := t.tasks[id]
+	if k == nil {
+		return
+	}
+	if len(k.holders) > 0 {
+		t.finished++
+		t.spent += now.Sub(k.holders[0].granted)
+	}
+	delete(t.tasks, id)
+	t.ordered = slices.DeleteFunc(t.ordered, func(o *task) bool { return o == k })
+}
+
+// Drop closes a task whose result is not wanted any more.
+func (t *Table) Drop(id string) {
+	delete(t.tasks, id)
+	t.ordered = slices.DeleteFunc(t.ordered, func(k *task) bool { return k.id == id })
+}
+
+// Release gives a lease back without blame; the task waits again unless another holds it.
+func (t *Table) Release(ref Ref, worker string) {
+	if k := t.tasks[ref.Task]; k != nil {
+		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool {
+			return h.epoch == ref.Epoch && h.worker == worker
+		})
+	}
+}
+
+// Fail gives a lease back because the worker could not do the task. False: the worker did not hold
+// this lease, nothing changed.
+func (t *Table) Fail(ref Ref, worker, evidence string) bool {
+	if t.holding(ref, worker) == nil {
+		return false
+	}
+	t.Release(ref, worker)
+	k := t.tasks[ref.Task]
+	k.failures[worker]++
+	k.evidence = evidence
+	return true
+}
+
+// Expired is a lease that ran out.
+type Expired struct {
+	Ref
+	Worker string
+}
+
+// Expire ends the leases whose time is over and notes their holders as lost with the task. When it
+// was not called for a whole time to live, the coordinator itself stood still (a suspended machine)
+// and heard no heartbeat: then all leases get one more time to live instead.
+func (t *Table) Expire(now time.Time) []Expired {
+	slept := !t.checked.IsZero() && now.Sub(t.checked) >= t.ttl
+	t.checked = now
+	if slept {
+		t.extend(now)
+		return nil
+	}
+	var expired []Expired
+	for _, k := range t.ordered {
+		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool {
+			if now.Before(h.deadline) {
+				return false
+			}
+			k.lost[h.worker] = true
+			expired = append(expired, Expired{Ref{k.id, h.epoch}, h.worker})
+			return true
+		})
+	}
+	return expired
+}
+
+func (t *Table) extend(now time.Time) {
+	for _, k := range t.ordered {
+		for i := range k.holders {
+			k.holders[i].deadline = now.Add(t.ttl)
+		}
+	}
+}
+
+// Poison is a task that must not be tried again.
+type Poison struct {
+	Task     string
+	Workers  int // distinct workers that failed on it or were lost with it
+	Evidence string
+}
+
+// Poisoned returns a task that failed on, or was lost with, three distinct workers, or that failed
+// three times on one worker while alone says that there is no other to try.
+func (t *Table) Poisoned(alone bool) (Poison, bool) {
+	for _, k := range t.ordered {
+		workers, repeats := len(k.failures), 0
+		for worker := range k.lost {
+			if k.failures[worker] == 0 {
+				workers++
+			}
+		}
+		for _, n := range k.failures {
+			repeats = max(repeats, n)
+		}
+		if workers >= poisonWorkers || alone && repeats >= poisonRepeats {
+			return Poison{Task: k.id, Workers: workers, Evidence: k.evidence}, true
+		}
+	}
+	return Poison{}, false
+}
+
+// CountHeld adds the number of leases that each worker holds.
+func (t *Table) CountHeld(held map[string]int) {
+	for _, k := range t.ordered {
+		for _, h := range k.holders {
+			held[h.worker]++
+		}
+	}
+}
+
+// Fraction is the progress of open tasks, in tasks: for each the furthest holder.
+func (t *Table) Fraction() float64 {
+	sum := 0.0
+	for _, k := range t.ordered {
+		best := 0.0
+		for _, h := range k.holders {
+			best = max(best, h.fraction)
+		}
+		sum += best
+	}
+	return sum
+}

@@ -1,0 +1,186 @@
+// Package merge takes a delivery apart: it checks every message against the film's shape, decodes
+// the tiles and proves that header, segments and film agree. It is pure; memory is bounded by the
+// film's shape.
+package merge
+
+import (
+	"crypto/sha256"
+	"encoding/binary"
+	"errors"
+	"fmt"
+	"math"
+
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	"metrofarm/services/internal/film"
+	"metrofarm/services/internal/round"
+	"metrofarm/services/internal/tally"
+)
+
+// ErrMalformed: a batch that no correct worker sends; the outcome is REJECTED.
+var ErrMalformed = errors.New("malformed batch")
+
+// ErrDigest: film and digests disagree; the outcome is CONFLICT.
+var ErrDigest = errors.New("digests disagree")
+
+// Limits on one batch.
+const (
+	maxStateBytes = 16 << 20 // of one chain group
+	maxAnomalies  = 16
+)
+
+// Segment is one finished segment, checked.
+type Segment struct {
+	round.Entry
+	Task   string
+	Epoch  uint64
+	Counts tally.Counts
+	State  []byte
+	Sums   []tally.Sums // per chain of the group, in units of the film unit
+}
+
+// Batch is a sealed film with what was rendered into it.
+type Batch struct {
+	Job        string
+	Round      int
+	Segments   []Segment
+	Tiles      []film.Tile
+	CPUSeconds float64
+	Anomalies  []*workv1.Anomaly
+}
+
+// Entries lists the segments for a ledger.
+func (b *Batch) Entries() []round.Entry {
+	entries := make([]round.Entry, len(b.Segments))
+	for i, s := range b.Segments {
+		entries[i] = s.Entry
+	}
+	return entries
+}
+
+// Assembler builds one batch from its messages.
+type Assembler struct {
+	codec  *film.Codec
+	shape  film.Shape
+	header *workv1.BatchHeader
+	batch  *Batch
+	seen   map[int]bool
+	digest uint64
+}
+
+// NewAssembler checks the header. chainsPerGroup is 0 for path tracing.
+func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *workv1.BatchHeader) (*Assembler, error) {
+	if int64(h.GetTileCount()) > int64(shape.TileCount()) {
+		return nil, fmt.Errorf("%w: %d tiles in a film of %d", ErrMalformed, h.GetTileCount(), shape.TileCount())
+	}
+	if len(h.GetAnomalies()) > maxAnomalies {
+		return nil, fmt.Errorf("%w: %d anomalies, at most %d", ErrMalformed, len(h.GetAnomalies()), maxAnomalies)
+	}
+	batch := &Batch{
+		Job: h.GetJobId(), Round: int(h.GetRound()),
+		CPUSeconds: finiteOrZero(h.GetCpuSeconds()), Anomalies: h.GetAnomalies(),
+	}
+	for _, s := range h.GetSegments() {
+		segment, err := checkSegment(s, chainsPerGroup)
+		if err != nil {
+			return nil, fmt.Errorf("%w: segment %d: %w", ErrMalformed, s.GetSegment(), err)
+		}
+		batch.Segments = append(batch.Segments, segment)
+	}
+	if len(batch.Segments) == 0 {
+		return nil, fmt.Errorf("%w: no segments", ErrMalformed)
+	}
+	return &Assembler{codec: codec, shape: shape, header: h, batch: batch, seen: map[int]bool{}}, nil
+}
+
+// Add takes the next tiles.
+func (a *Assembler) Add(tiles []*workv1.Tile) error {
+	for _, t := range tiles {
+		if len(a.batch.Tiles) == int(a.header.GetTileCount()) {
+			return fmt.Errorf("%w: more tiles than the %d announced", ErrMalformed, a.header.GetTileCount())
+		}
+		tile, digest, err := a.codec.DecodeTile(a.shape, t)
+		if err != nil {
+			return fmt.Errorf("%w: %w", ErrMalformed, err)
+		}
+		if a.seen[tile.Index] {
+			return fmt.Errorf("%w: tile %d comes twice", ErrMalformed, tile.Index)
+		}
+		a.seen[tile.Index] = true
+		a.digest += digest
+		a.batch.Tiles = append(a.batch.Tiles, tile)
+	}
+	return nil
+}
+
+// Finish returns the batch once all its messages are in.
+func (a *Assembler) Finish() (*Batch, error) {
+	if len(a.batch.Tiles) != int(a.header.GetTileCount()) {
+		return nil, fmt.Errorf("%w: %d tiles, %d announced", ErrMalformed, len(a.batch.Tiles), a.header.GetTileCount())
+	}
+	var segments uint64
+	for _, s := range a.batch.Segments {
+		segments += s.Mark.Digest
+	}
+	if a.digest != a.header.GetDigest() || segments != a.header.GetDigest() {
+		return nil, fmt.Errorf("%w: film %016x, header %016x, segments %016x",
+			ErrDigest, a.digest, a.header.GetDigest(), segments)
+	}
+	return a.batch, nil
+}
+
+func checkSegment(s *workv1.SegmentResult, chains int) (Segment, error) {
+	switch {
+	case len(s.GetCounts().GetAnomalies()) > tally.AnomalyKinds:
+		return Segment{}, fmt.Errorf("%d kinds of anomalies", len(s.GetCounts().GetAnomalies()))
+	case len(s.GetState()) > maxStateBytes:
+		return Segment{}, fmt.Errorf("state of %d bytes", len(s.GetState()))
+	case chains > 0 && len(s.GetState()) == 0:
+		return Segment{}, errors.New("no chain state")
+	case len(s.GetLargeStepSums()) != chains:
+		return Segment{}, fmt.Errorf("%d large-step sums for %d chains", len(s.GetLargeStepSums()), chains)
+	}
+	segment := Segment{
+		Entry: round.Entry{
+			Segment: int(s.GetSegment()),
+			Mark:    round.Mark{Digest: s.GetDigest()},
+		},
+		Task: s.GetLease().GetTaskId(), Epoch: s.GetLease().GetEpoch(),
+		Counts: tally.FromProto(s.GetCounts()), State: s.GetState(),
+	}
+	for _, p := range s.GetLargeStepSums() {
+		sums := tally.Sums{Count: p.GetCount(), Sum: p.GetSum(), SumSquares: p.GetSumSquares()}
+		if !finite(sums.Sum) || !finite(sums.SumSquares) || sums.Sum < 0 || sums.SumSquares < 0 {
+			return Segment{}, errors.New("a large-step sum is not finite and non-negative")
+		}
+		segment.Sums = append(segment.Sums, sums)
+	}
+	segment.Mark.Evidence = evidence(&segment)
+	return segment, nil
+}
+
+// evidence hashes what equal work must report equally beside splats.
+func evidence(s *Segment) [16]byte {
+	h := sha256.New()
+	var buffer []byte
+	for _, w := range s.Counts.Words() {
+		buffer = binary.LittleEndian.AppendUint64(buffer, w)
+	}
+	for _, c := range s.Sums {
+		buffer = binary.LittleEndian.AppendUint64(buffer, c.Count)
+		buffer = binary.LittleEndian.AppendUint64(buffer, math.Float64bits(c.Sum))
+		buffer = binary.LittleEndian.AppendUint64(buffer, math.Float64bits(c.SumSquares))
+	}
+	h.Write(buffer)
+	h.Write(s.State)
+	return [16]byte(h.Sum(nil))
+}
+
+func finite(v float64) bool { return !math.IsNaN(v) && !math.IsInf(v, 0) }
+
+// finiteOrZero keeps nonsense out of statistics; the result does not depend on them.
+func finiteOrZero(v float64) float64 {
+	if !finite(v) || v < 0 {
+		return 0
+	}
+	return v
+}

@@ -1,0 +1,77 @@
+package plan
+
+import (
+	"math"
+
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
+	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	"metrofarm/services/internal/film"
+)
+
+const (
+	// targetSegments keeps many workers busy within one round of a small film.
+	targetSegments = 64
+	// maxBlocksPerSegment bounds a segment of a large film to 65536 cells.
+	maxBlocksPerSegment = 1024
+	maxTaskSamples      = 65536
+	bootstrapTasksHalf  = 8
+)
+
+// Border is the number of extra pixels on each side of the film from which light reaches it: none
+// for a box, else the filter's radius rounded up.
+func Border(report *scenev1.SceneReport) int {
+	if report.GetFilter() == scenev1.Filter_FILTER_BOX {
+		return 0
+	}
+	return int(math.Ceil(report.GetFilterRadius()))
+}
+
+// Cells is the number of film cells that are sampled: pixels and border.
+func Cells(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
+	border := 2 * Border(report)
+	return (int(spec.GetWidth()) + border) * (int(spec.GetHeight()) + border)
+}
+
+// Segments is the number of segments in a round, those of a dark half included.
+func Segments(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
+	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+		return int(spec.GetChainGroups())
+	}
+	cells := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
+	return (Cells(spec, report) + cells - 1) / cells
+}
+
+// Chains is the number of Markov chains; 0 for path tracing.
+func Chains(spec *jobv1.ResolvedSpec) int {
+	return int(spec.GetChainGroups()) * int(spec.GetGroupSize())
+}
+
+// Shape of the job's film.
+func Shape(spec *jobv1.ResolvedSpec) film.Shape {
+	layers := 1
+	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+		layers = 2
+	}
+	return film.Shape{Width: int(spec.GetWidth()), Height: int(spec.GetHeight()), Layers: layers}
+}
+
+// Range is a run of bootstrap indices.
+type Range struct {
+	First uint64
+	Count uint32
+}
+
+// BootstrapRanges cuts the bootstrap into tasks: each within one half, multiples of the group size,
+// at most 65536 samples, at least eight per half where there are groups enough.
+func BootstrapRanges(spec *jobv1.ResolvedSpec) []Range {
+	group := uint64(spec.GetGroupSize())
+	half := spec.GetBootstrapSamples() / film.Halves
+	size := min(max(half/bootstrapTasksHalf/group*group, group), maxTaskSamples/group*group)
+	var ranges []Range
+	for h := range uint64(film.Halves) {
+		for first := h * half; first < (h+1)*half; first += size {
+			ranges = append(ranges, Range{First: first, Count: uint32(min(size, (h+1)*half-first))})
+		}
+	}
+	return ranges
+}

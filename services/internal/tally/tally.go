@@ -1,0 +1,109 @@
+// Package tally adds up what segments report beside splats: counts, and the sums of f and f squared
+// that estimate b. It is pure.
+package tally
+
+import (
+	"math"
+
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+)
+
+// AnomalyKinds is the number of AnomalyKind values, the unused 0 included.
+const AnomalyKinds = 5
+
+// anomalyNames by AnomalyKind number, as the API shows them.
+var anomalyNames = [AnomalyKinds]string{"", "nan", "infinite", "negative", "out_of_range"}
+
+// Counts of any number of segments.
+type Counts struct {
+	Mutations, PathEvaluations, Rays uint64
+	LargeSteps, LargeAccepted        uint64
+	SmallSteps, SmallAccepted        uint64
+	Anomalies                        [AnomalyKinds]uint64
+}
+
+// FromProto converts a segment's counts. Anomaly kinds that this version does not know are dropped
+// by the caller's validation before.
+func FromProto(p *workv1.SegmentCounts) Counts {
+	c := Counts{
+		Mutations: p.GetMutations(), PathEvaluations: p.GetPathEvaluations(), Rays: p.GetRays(),
+		LargeSteps: p.GetLargeSteps(), LargeAccepted: p.GetLargeAccepted(),
+		SmallSteps: p.GetSmallSteps(), SmallAccepted: p.GetSmallAccepted(),
+	}
+	copy(c.Anomalies[:], p.GetAnomalies())
+	return c
+}
+
+// Add adds d to c.
+func (c *Counts) Add(d Counts) {
+	c.Mutations += d.Mutations
+	c.PathEvaluations += d.PathEvaluations
+	c.Rays += d.Rays
+	c.LargeSteps += d.LargeSteps
+	c.LargeAccepted += d.LargeAccepted
+	c.SmallSteps += d.SmallSteps
+	c.SmallAccepted += d.SmallAccepted
+	for i, n := range d.Anomalies {
+		c.Anomalies[i] += n
+	}
+}
+
+// Words lists the counts in canonical order, for hashing.
+func (c *Counts) Words() []uint64 {
+	words := []uint64{
+		c.Mutations, c.PathEvaluations, c.Rays,
+		c.LargeSteps, c.LargeAccepted, c.SmallSteps, c.SmallAccepted,
+	}
+	return append(words, c.Anomalies[:]...)
+}
+
+// AnomalyMap lists the anomalies that occurred, by name.
+func (c *Counts) AnomalyMap() map[string]uint64 {
+	m := make(map[string]uint64)
+	for kind, n := range c.Anomalies {
+		if n > 0 {
+			m[anomalyNames[kind]] += n
+		}
+	}
+	return m
+}
+
+// Sums of independent samples of f.
+type Sums struct {
+	Count      uint64
+	Sum        float64
+	SumSquares float64
+}
+
+// Add adds one sample.
+func (s *Sums) Add(f float64) {
+	s.Count++
+	s.Sum += f
+	s.SumSquares += f * f
+}
+
+// Merge adds t, whose samples are in units of unit.
+func (s *Sums) Merge(t Sums, unit float64) {
+	s.Count += t.Count
+	s.Sum += unit * t.Sum
+	s.SumSquares += unit * unit * t.SumSquares
+}
+
+// Mean of the samples; 0 if there are none.
+func (s Sums) Mean() float64 {
+	if s.Count == 0 {
+		return 0
+	}
+	return s.Sum / float64(s.Count)
+}
+
+// StandardError of the mean; 0 if there are fewer than two samples.
+func (s Sums) StandardError() float64 {
+	if s.Count < 2 {
+		return 0
+	}
+	n := float64(s.Count)
+	mean := s.Sum / n
+	variance := math.Max(0, s.SumSquares/n-mean*mean) * n / (n - 1)
+	return math.Sqrt(variance / n)
+}

@@ -1,0 +1,42 @@
+// The surface at a hit: position, normals, and how far a new ray must start from it.
+#pragma once
+
+#include "geometry/primitives.h"
+#include "geometry/tracer.h"
+
+namespace metrofarm::geometry {
+
+struct Surface {
+  Vec3 position;
+  Vec3 geometric_normal;  // unit; flipped where the shape says so
+  Vec3 shading_normal;    // unit; interpolated where the mesh has vertex normals
+  Vec3 tangent;           // direction of increasing u, not normalized; filled where asked for
+  Float offset;           // distance within which the surface itself may be hit again
+  Int shape;
+};
+
+// Fills lanes where hits.hit; others are unspecified but finite-free to read.
+Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
+                   const Vec3& direction, bool wants_tangent);
+
+// A point at barycentric coordinates (b1, b2) of a triangle.
+struct TrianglePoint {
+  Vec3 position;
+  Vec3 normal;   // unit, by the winding
+  Float offset;  // see Surface
+};
+TrianglePoint point_on_triangle(const Primitives& primitives, Int triangle, Float b1, Float b2,
+                                Mask lanes);
+
+// Where a ray leaves a surface towards `direction` without meeting it again.
+inline Vec3 offset_origin(const Vec3& position, const Vec3& geometric_normal, Float offset,
+                          const Vec3& direction) {
+  const Float side = xsimd::copysign(offset, dot(geometric_normal, direction));
+  return position + geometric_normal * side;
+}
+
+// Rounding error of a position is proportional to the coordinates it was computed from; this many
+// times float's epsilon covers barycentric interpolation and the next intersection test.
+inline constexpr float kOffsetScale = 128 * 0x1p-23F;
+
+}  // namespace metrofarm::geometry

@@ -1,0 +1,60 @@
+// Where a path gets its primary sample from. The light half of the renderer knows this interface
+// and nothing of chains.
+#pragma once
+
+#include <vector>
+
+#include "math/lanes.h"
+#include "math/rng.h"
+#include "primary_space/slots.h"
+
+namespace metrofarm::primary_space {
+
+// One pair of coordinates in [0, 1), of eight samples.
+struct Pair {
+  Float first, second;
+};
+
+// The same in 32-bit fixed point: the torus [0, 1) with exact wrap-around.
+struct FixedPair {
+  UInt first, second;
+
+  Pair to_float() const { return {unit_float(first), unit_float(second)}; }
+};
+
+// A pair of one sample as it is stored and sent.
+struct StoredPair {
+  Slot slot;
+  uint32_t first, second;
+};
+
+class SampleSource {
+ public:
+  virtual ~SampleSource() = default;
+  // The pair in `slot` of the active lanes; the same answer however often it is asked.
+  virtual Pair pair(Slot slot, Mask lanes) = 0;
+  // The pairs of one lane that have been read, in slot order.
+  virtual std::vector<StoredPair> read_pairs(int lane) const = 0;
+};
+
+// Independent uniform samples: lane i is the sample number index[i] of a stream.
+class IndependentSource final : public SampleSource {
+ public:
+  explicit IndependentSource(RngKey key) : key_(key) {}
+
+  // Begins samples first .. first + 7.
+  void begin(uint64_t first);
+
+  Pair pair(Slot slot, Mask lanes) override;
+  std::vector<StoredPair> read_pairs(int lane) const override;
+
+ private:
+  FixedPair fixed_pair(Slot slot) const;
+
+  RngKey key_;
+  UInt index_low_ = UInt(0U);
+  UInt index_high_ = UInt(0U);
+  std::vector<uint8_t> read_;  // lanes that have read each slot
+};
+
+}  // namespace metrofarm::primary_space

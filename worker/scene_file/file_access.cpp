@@ -1,0 +1,103 @@
+#include "scene_file/file_access.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+namespace metrofarm::scene_file {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string quoted(const fs::path& path) {
+  return "\"" + path.string() + "\"";
+}
+
+bool is_inside(const fs::path& path, const fs::path& directory) {
+  const auto [mismatch, unused] =
+      std::mismatch(directory.begin(), directory.end(), path.begin(), path.end());
+  static_cast<void>(unused);
+  return mismatch == directory.end() || (std::next(mismatch) == directory.end() &&
+                                         mismatch->empty());  // "dir/" ends in an empty part
+}
+
+fs::path directory_of(const fs::path& file) {
+  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+}
+
+}  // namespace
+
+FileAccess::FileAccess(const fs::path& main_file, const fs::path& root)
+    : directories_{directory_of(main_file)} {
+  if (root.empty()) return;
+  std::error_code error;
+  root_ = fs::canonical(root, error);
+  // A root that doesn't exist holds no file: keep a path that contains nothing.
+  if (error) root_ = fs::absolute(root, error);
+}
+
+Result<fs::path> FileAccess::check_inside_root(const fs::path& path) const {
+  if (root_.empty()) return path;
+  std::error_code error;
+  const fs::path resolved = fs::weakly_canonical(path, error);
+  if (error || !is_inside(resolved, root_)) {
+    return Error{quoted(path) + " lies outside the scene's directory " + quoted(root_) +
+                 "; files must be inside it"};
+  }
+  return resolved;
+}
+
+Result<fs::path> FileAccess::add_search_directory(std::string_view name) {
+  fs::path directory(name);
+  if (directory.is_relative()) directory = directories_.back() / directory;
+  Result<fs::path> inside = check_inside_root(directory);
+  if (!inside) return inside;
+  std::error_code error;
+  if (!fs::is_directory(directory, error)) {
+    return Error{quoted(directory) + " is not a directory"};
+  }
+  directories_.insert(directories_.begin(), directory);
+  return directory;
+}
+
+Result<fs::path> FileAccess::find(std::string_view name) const {
+  if (name.empty()) return Error{"the file name is empty"};
+  // Exporters on Windows write backslashes.
+  std::string with_slashes(name);
+  std::replace(with_slashes.begin(), with_slashes.end(), '\\', '/');
+  std::string searched;
+  for (const fs::path& directory : directories_) {
+    for (const fs::path& variant : {fs::path(name), fs::path(with_slashes)}) {
+      const fs::path candidate = directory / variant;
+      Result<fs::path> inside = check_inside_root(candidate);
+      if (!inside) return inside;
+      std::error_code error;
+      if (fs::is_regular_file(candidate, error)) return candidate;
+    }
+    searched += (searched.empty() ? "" : ", ") + quoted(directory);
+  }
+  return Error{"file " + quoted(fs::path(name)) + " not found; looked in " + searched};
+}
+
+Result<FileBytes> FileAccess::read(const fs::path& file) {
+  if (last_bytes_ && file == last_path_) return last_bytes_;
+  Result<fs::path> inside = check_inside_root(file);
+  if (!inside) return inside.error();
+  std::error_code error;
+  const bool regular = fs::is_regular_file(file, error);
+  const uintmax_t size = regular ? fs::file_size(file, error) : 0;
+  std::ifstream stream;
+  if (regular && !error) stream.open(file, std::ios::binary);
+  if (!stream.is_open()) return Error{"cannot open " + quoted(file) + " as a regular file"};
+  auto bytes = std::make_shared<std::string>(size, '\0');
+  stream.read(bytes->data(), static_cast<std::streamsize>(size));
+  if (static_cast<uintmax_t>(stream.gcount()) != size) {
+    return Error{"cannot read all of " + quoted(file)};
+  }
+  last_path_ = file;
+  last_bytes_ = std::move(bytes);
+  return last_bytes_;
+}
+
+}  // namespace metrofarm::scene_file

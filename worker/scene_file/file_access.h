@@ -1,0 +1,42 @@
+// Finds and reads the files that a scene names, and keeps them inside the bundle.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/result.h"
+
+namespace metrofarm::scene_file {
+
+using FileBytes = std::shared_ptr<const std::string>;
+
+class FileAccess {
+ public:
+  // main_file: the scene; names are looked up beside it unless a search directory has them first.
+  // root: see LoadOptions::root.
+  FileAccess(const std::filesystem::path& main_file, const std::filesystem::path& root);
+
+  // Adds a directory (relative ones are beside the main file) that is searched before those already
+  // known. An error's location is left to the caller, here and below.
+  Result<std::filesystem::path> add_search_directory(std::string_view name);
+
+  // The existing regular file that `name` stands for.
+  Result<std::filesystem::path> find(std::string_view name) const;
+
+  // The content of a file; the last one read is kept, because one .serialized file holds many
+  // shapes.
+  Result<FileBytes> read(const std::filesystem::path& file);
+
+ private:
+  Result<std::filesystem::path> check_inside_root(const std::filesystem::path& path) const;
+
+  std::vector<std::filesystem::path> directories_;  // searched from the front
+  std::filesystem::path root_;                      // canonical, or empty
+  std::filesystem::path last_path_;
+  FileBytes last_bytes_;
+};
+
+}  // namespace metrofarm::scene_file

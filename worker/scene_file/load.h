@@ -1,0 +1,35 @@
+// Turns a scene file of any supported format into a scene::SceneDescription.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+#include "scene/description.h"
+
+namespace metrofarm::scene_file {
+
+struct LoadOptions {
+  // Values that replace those of the file's <default> elements, by name.
+  std::map<std::string, std::string> defaults = {};
+
+  // Unknown plugins, parameters and elements become warnings instead of errors.
+  bool lenient = false;
+
+  // Called from the loading thread with what is about to be read; fraction grows from 0 to 1.
+  std::function<void(double fraction, std::string_view what)> progress = {};
+
+  // If not empty, every file that is read (the scene file too) must lie inside this directory after
+  // symbolic links are resolved.
+  std::filesystem::path root = {};
+};
+
+// The importer is chosen by the file's extension. The result has at least one shape, at least one
+// emitter that lights the scene, and a sensor; every index in it is valid.
+Result<scene::SceneDescription> load_scene(const std::filesystem::path& file,
+                                           const LoadOptions& options);
+
+}  // namespace metrofarm::scene_file

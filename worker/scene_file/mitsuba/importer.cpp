@@ -1,0 +1,95 @@
+#include "scene_file/mitsuba/importer.h"
+
+#include "scene_file/mitsuba/bsdfs.h"
+#include "scene_file/mitsuba/context.h"
+#include "scene_file/mitsuba/document.h"
+#include "scene_file/mitsuba/emitters.h"
+#include "scene_file/mitsuba/sensor_film.h"
+#include "scene_file/mitsuba/shapes.h"
+
+namespace metrofarm::scene_file::mitsuba {
+namespace {
+
+class SceneBuilder {
+ public:
+  SceneBuilder(Context& context, const LoadOptions& options)
+      : context_(context),
+        options_(options),
+        properties_(context.properties_of(context.document.root)) {}
+
+  void build() {
+    load_camera();
+    for (const Element* element : properties_.objects("bsdf")) load_bsdf(*element, context_);
+    for (const Element* element : properties_.objects("emitter")) {
+      load_scene_emitter(*element, context_);
+    }
+    // Definitions for others to refer to; whoever does so says whether it can use them.
+    for (std::string_view tag : {"texture", "film", "sampler", "rfilter", "spectrum"}) {
+      properties_.objects(tag);
+    }
+    load_shapes();
+    properties_.finish();
+    warn_about_unused_lights();
+  }
+
+ private:
+  void load_camera() {
+    if (const Element* integrator = properties_.object("integrator")) {
+      load_integrator(*integrator, context_);
+    }
+    const std::vector<const Element*> sensors = properties_.objects("sensor");
+    if (sensors.empty()) {
+      return context_.problems.fail("the scene has no <sensor>: it needs one of type perspective",
+                                    context_.document.root.where);
+    }
+    load_sensor(*sensors[0], context_);
+    if (sensors.size() > 1) {
+      context_.problems.warn("the scene has several sensors; the first one is used",
+                             sensors[1]->where);
+    }
+  }
+
+  void load_shapes() {
+    const std::vector<const Element*> shapes = properties_.objects("shape");
+    for (size_t i = 0; i < shapes.size() && !context_.problems.failed(); ++i) {
+      report(static_cast<double>(i) / static_cast<double>(shapes.size()), *shapes[i]);
+      load_shape(*shapes[i], context_);
+    }
+    if (options_.progress) options_.progress(1, "scene loaded");
+  }
+
+  void report(double fraction, const Element& shape) {
+    if (!options_.progress) return;
+    const std::string& id = shape.get("id");
+    options_.progress(fraction, id.empty() ? shape.describe() : shape.describe() + " " + id);
+  }
+
+  void warn_about_unused_lights() {
+    for (const Element* element : properties_.objects("emitter")) {
+      if (element->get("type") != "area" || context_.attached_emitters.contains(element)) continue;
+      context_.problems.warn("this area emitter is not attached to a shape and gives no light",
+                             element->where);
+    }
+  }
+
+  Context& context_;
+  const LoadOptions& options_;
+  Properties properties_;
+};
+
+}  // namespace
+
+Result<scene::SceneDescription> import_scene(const std::filesystem::path& file,
+                                             const LoadOptions& options) {
+  Problems problems(options.lenient);
+  FileAccess files(file, options.root);
+  const Document document = read_document(file, options, files, problems);
+  if (problems.failed()) return problems.error();
+  Context context{document, files, problems};
+  SceneBuilder(context, options).build();
+  if (problems.failed()) return problems.error();
+  context.scene.warnings = problems.take_warnings();
+  return std::move(context.scene);
+}
+
+}  // namespace metrofarm::scene_file::mitsuba

@@ -1,0 +1,92 @@
+#include "scene_file/mitsuba/transforms.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "scene_file/mitsuba/properties.h"
+#include "scene_file/names.h"
+#include "scene_file/numbers.h"
+
+namespace metrofarm::scene_file::mitsuba {
+namespace {
+
+Matrix read_matrix(const Element& step, Problems& problems) {
+  const auto values = parse_doubles(step.get("value"));
+  if (!values || (values->size() != 9 && values->size() != 16)) {
+    problems.fail("<matrix> needs 16 (or 9) numbers, row by row", step.where);
+    return kIdentity;
+  }
+  Matrix m = kIdentity;
+  const size_t width = values->size() == 16 ? 4 : 3;
+  for (size_t row = 0; row < width; ++row) {
+    for (size_t col = 0; col < width; ++col) m[4 * row + col] = (*values)[width * row + col];
+  }
+  constexpr double kTolerance = 1e-6;
+  if (std::abs(m[12]) + std::abs(m[13]) + std::abs(m[14]) + std::abs(m[15] - 1) > kTolerance) {
+    problems.fail("the last row of <matrix> must be 0 0 0 1", step.where);
+  }
+  return m;
+}
+
+Matrix read_rotate(const Element& step, Problems& problems) {
+  const Point axis = read_components(step, 0, problems);
+  const auto angle = parse_double(step.get("angle"));
+  if (!angle) {
+    problems.fail("<rotate> needs angle=\"DEGREES\"", step.where);
+    return kIdentity;
+  }
+  if (length(axis) == 0) {
+    problems.fail("the axis of <rotate> must not be zero; give x=, y= or z=", step.where);
+    return kIdentity;
+  }
+  return rotation(axis, *angle);
+}
+
+Point read_point_attribute(const Element& step, std::string_view name, Problems& problems) {
+  const auto values = parse_doubles(step.get(name));
+  if (values && values->size() == 3) return {(*values)[0], (*values)[1], (*values)[2]};
+  problems.fail("<lookat> needs " + std::string(name) + "=\"x, y, z\"", step.where);
+  return {0, 0, 0};
+}
+
+Matrix read_lookat(const Element& step, Problems& problems) {
+  const Point origin = read_point_attribute(step, "origin", problems);
+  const Point target = read_point_attribute(step, "target", problems);
+  if (problems.failed()) return kIdentity;
+  // Without an up direction (or with a zero one) any will do.
+  Point up = step.find("up") ? read_point_attribute(step, "up", problems) : Point{0, 0, 0};
+  if (length(up) == 0) up = any_perpendicular(normalized(subtract(target, origin)));
+  const std::optional<Matrix> m = look_at(origin, target, up);
+  if (!m && !problems.failed()) {
+    problems.fail(
+        "<lookat> is degenerate: origin and target must differ, and up must not be "
+        "parallel to the line of sight",
+        step.where);
+  }
+  return m.value_or(kIdentity);
+}
+
+Matrix read_step(const Element& step, Problems& problems) {
+  if (step.tag == "matrix") return read_matrix(step, problems);
+  if (step.tag == "translate") return translation(read_components(step, 0, problems));
+  if (step.tag == "scale") return scaling(read_components(step, 1, problems));
+  if (step.tag == "rotate") return read_rotate(step, problems);
+  if (step.tag == "lookat") return read_lookat(step, problems);
+  problems.unsupported(
+      "<" + step.tag + "> is not a step of a <transform>" +
+          suggestion(step.tag, {"matrix", "translate", "scale", "rotate", "lookat"}),
+      step.where);
+  return kIdentity;
+}
+
+}  // namespace
+
+Matrix read_transform(const Element& transform, Problems& problems) {
+  Matrix m = kIdentity;
+  for (const Element& step : transform.children) m = multiply(read_step(step, problems), m);
+  const bool finite = std::all_of(m.begin(), m.end(), [](double v) { return std::isfinite(v); });
+  if (!finite) problems.fail("the transform's numbers are too large", transform.where);
+  return m;
+}
+
+}  // namespace metrofarm::scene_file::mitsuba

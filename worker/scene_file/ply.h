@@ -1,0 +1,16 @@
+// Stanford PLY, ascii and binary.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "base/result.h"
+#include "scene_file/mesh.h"
+
+namespace metrofarm::scene_file {
+
+// Reads vertex x y z, optional nx ny nz and u v (or s t), and face vertex_indices (vertex_index);
+// everything else is skipped. Errors name file_name and, for the header and ascii bodies, the line.
+Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name);
+
+}  // namespace metrofarm::scene_file

@@ -1,0 +1,21 @@
+// Linear Rec. 709 RGB, the renderer's spectrum: a Vec3 of lanes whose x, y, z are R, G, B.
+#pragma once
+
+#include "math/vec.h"
+
+namespace metrofarm {
+
+using Spectrum = Vec3;
+
+inline constexpr float kLuminanceR = 0.212671F;
+inline constexpr float kLuminanceG = 0.715160F;
+inline constexpr float kLuminanceB = 0.072169F;
+
+inline Float luminance(const Spectrum& s) {
+  return s.x * Float(kLuminanceR) + s.y * Float(kLuminanceG) + s.z * Float(kLuminanceB);
+}
+inline float luminance(const float rgb[3]) {
+  return rgb[0] * kLuminanceR + rgb[1] * kLuminanceG + rgb[2] * kLuminanceB;
+}
+
+}  // namespace metrofarm

@@ -1,0 +1,75 @@
+#include <gtest/gtest.h>
+
+#include "support.h"
+
+namespace metrofarm::scene_file::test {
+namespace {
+
+std::string disk(const std::string& steps) {
+  return "<shape type=\"disk\"><transform name=\"to_world\">\n" + steps + "</transform></shape>";
+}
+
+void expect_transform(const std::string& steps, const scene::Matrix& expected) {
+  const auto scene = load_valid(disk(steps));
+  ASSERT_EQ(scene.shapes.size(), 1U);
+  const scene::Matrix& actual = std::get<scene::Disk>(scene.shapes[0].geometry).to_world;
+  for (int i = 0; i < 16; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-15) << steps << " at " << i;
+}
+
+TEST(Transforms, SingleSteps) {
+  expect_transform("", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
+  expect_transform("<translate x=\"1\" z=\"3\"/>",
+                   {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 3, 0, 0, 0, 1});
+  expect_transform("<translate value=\"1 2, 3\"/>",
+                   {1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1});
+  expect_transform("<scale value=\"2\"/>", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
+  expect_transform("<scale y=\"4\"/>", {1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
+  expect_transform("<rotate y=\"2\" angle=\"90\"/>",
+                   {0, 0, 1, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 0, 1});
+  expect_transform("<rotate value=\"1,1,1\" angle=\"120\"/>",
+                   {0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1});
+  expect_transform("<matrix value=\"1 2 3 4 5 6 7 8 9 10 12 12 0 0 0 1\"/>",
+                   {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 12, 0, 0, 0, 1});
+  expect_transform("<matrix value=\"1 2 3, 4 5 6, 7 8 1e+001\"/>",
+                   {1, 2, 3, 0, 4, 5, 6, 0, 7, 8, 10, 0, 0, 0, 0, 1});
+  expect_transform("<lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/>",
+                   {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 5, 0, 0, 0, 1});
+  // Mitsuba chooses this frame when no up direction is given.
+  expect_transform("<lookat origin=\"0,0,5\" target=\"0,0,0\"/>",
+                   {0, 1, 0, 0, 1, 0, 0, 0, 0, 0, -1, 5, 0, 0, 0, 1});
+}
+
+TEST(Transforms, LaterStepsActAfterEarlierOnes) {
+  expect_transform("<translate x=\"1\"/><scale value=\"2\"/>",
+                   {2, 0, 0, 2, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
+  expect_transform("<scale value=\"2\"/><translate x=\"1\"/>",
+                   {2, 0, 0, 1, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
+}
+
+TEST(Transforms, Errors) {
+  EXPECT_EQ(error_of(disk("<matrix value=\"1 2 3\"/>")),
+            "scene.xml:3: <matrix> needs 16 (or 9) numbers, row by row");
+  EXPECT_EQ(error_of(disk("<matrix value=\"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 2\"/>")),
+            "scene.xml:3: the last row of <matrix> must be 0 0 0 1");
+  EXPECT_EQ(error_of(disk("<rotate angle=\"3\"/>")),
+            "scene.xml:3: the axis of <rotate> must not be zero; give x=, y= or z=");
+  EXPECT_EQ(error_of(disk("<rotate x=\"1\"/>")), "scene.xml:3: <rotate> needs angle=\"DEGREES\"");
+  EXPECT_EQ(error_of(disk("<scale x=\"1\" value=\"2\"/>")),
+            "scene.xml:3: <scale> takes either value= or x= y= z=, not both");
+  EXPECT_EQ(error_of(disk("<translate value=\"1, 2\"/>")),
+            "scene.xml:3: \"1, 2\" must be three numbers, as in \"1, 2, 3\", or one for all");
+  EXPECT_EQ(
+      error_of(disk("<lookat origin=\"0,5,0\" target=\"0,0,0\" up=\"0,1,0\"/>")),
+      "scene.xml:3: <lookat> is degenerate: origin and target must differ, and up must not be "
+      "parallel to the line of sight");
+  EXPECT_EQ(error_of(disk("<lookat origin=\"0,5,0\"/>")),
+            "scene.xml:3: <lookat> needs target=\"x, y, z\"");
+  EXPECT_EQ(error_of(disk("<float name=\"x\" value=\"1\"/>")),
+            "scene.xml:3: <float> is not a step of a <transform>; supported: matrix, translate, "
+            "scale, rotate, lookat");
+  EXPECT_EQ(error_of(disk("<scale value=\"1e300\"/><scale value=\"1e300\"/>")),
+            "scene.xml:2: the transform's numbers are too large");
+}
+
+}  // namespace
+}  // namespace metrofarm::scene_file::test

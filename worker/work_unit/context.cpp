@@ -1,0 +1,61 @@
+#include "work_unit/context.h"
+
+#include <cmath>
+
+namespace metrofarm::work_unit {
+namespace {
+
+constexpr int kLargestFilm = 32768;
+
+std::string problem_with_kernel(const metropolis::Kernel& k) {
+  if (!(k.large_step_probability > 0 && k.large_step_probability <= 1))
+    return "kernel.large_step_probability must lie in (0, 1]";
+  if (k.kind == metropolis::KernelKind::kGaussian) {
+    if (!(k.sigma > 0 && k.sigma < 0.25)) return "kernel.sigma must lie in (0, 0.25)";
+  } else if (!(k.s1 > 0 && k.s1 < k.s2 && k.s2 < 0.5)) {
+    return "kernel radii must satisfy 0 < s1 < s2 < 0.5";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string problem_with(const Spec& spec) {
+  if (spec.width < 1 || spec.width > kLargestFilm || spec.height < 1 || spec.height > kLargestFilm)
+    return "width and height must lie in 1..32768";
+  if (!(spec.unit > 0 && std::isfinite(spec.unit))) return "unit must be positive and finite";
+  if (spec.path.max_depth < -1) return "max_depth must be -1 or more";
+  if (spec.path.rr_depth < 1) return "rr_depth must be at least 1";
+  if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
+  return spec.integrator == Integrator::kPssmlt ? problem_with_kernel(spec.kernel) : "";
+}
+
+Context::Context(const transport::Scene& scene, const Spec& spec)
+    : scene_(scene),
+      spec_(spec),
+      camera_(scene.description().sensor, spec.width, spec.height),
+      filter_(scene.description().film),
+      cells_x_(spec.width + 2 * filter_.border()),
+      cells_y_(spec.height + 2 * filter_.border()) {}
+
+film::FilmShape Context::film_shape() const {
+  return {spec_.width, spec_.height, spec_.integrator == Integrator::kPssmlt ? 2 : 1};
+}
+
+transport::RasterWindow Context::whole_raster() const {
+  const auto corner = static_cast<float>(-filter_.border());
+  return {Float(corner), Float(corner), Float(static_cast<float>(cells_x_)),
+          Float(static_cast<float>(cells_y_))};
+}
+
+transport::RasterWindow Context::cell_windows(uint64_t first) const {
+  alignas(32) float x[kLanes], y[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const uint64_t cell = first + lane;
+    x[lane] = static_cast<float>(static_cast<int>(cell % cells_x_) - filter_.border());
+    y[lane] = static_cast<float>(static_cast<int>(cell / cells_x_) - filter_.border());
+  }
+  return {Float::load_aligned(x), Float::load_aligned(y), Float(1.F), Float(1.F)};
+}
+
+}  // namespace metrofarm::work_unit

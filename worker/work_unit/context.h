@@ -1,0 +1,75 @@
+// What all units of work of one job share: the scene, and the resolved spec as the renderer needs it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/result.h"
+#include "film/film.h"
+#include "metropolis/kernel.h"
+#include "transport/path_tracer.h"
+#include "transport/scene.h"
+
+namespace metrofarm::work_unit {
+
+enum class Integrator { kPath, kPssmlt };
+
+// See metrofarm.job.v1.ResolvedSpec.
+struct Spec {
+  Integrator integrator = Integrator::kPath;
+  transport::PathSettings path;
+  int width = 0;
+  int height = 0;
+  uint64_t seed = 0;
+  metropolis::Kernel kernel;
+  double unit = 1;
+  uint32_t blocks_per_segment = 1;
+};
+
+// Chains, or path samples, that are run side by side and handed out together.
+inline constexpr int kGroupSize = 64;
+inline constexpr int kPacksPerGroup = kGroupSize / kLanes;
+
+// What is wrong with a spec, empty if nothing is.
+std::string problem_with(const Spec& spec);
+
+// Immutable; shared by all threads.
+class Context {
+ public:
+  // Requires: problem_with(spec) is empty and the scene's filter fits.
+  Context(const transport::Scene& scene, const Spec& spec);
+
+  const transport::Scene& scene() const { return scene_; }
+  const Spec& spec() const { return spec_; }
+  const sensor::PerspectiveCamera& camera() const { return camera_; }
+  const film::Filter& filter() const { return filter_; }
+  film::FilmShape film_shape() const;
+
+  // The sampled part of the raster: the image and the filter's border.
+  transport::RasterWindow whole_raster() const;
+
+  // Cells of one pixel each that cover the sampled raster, in scanline order.
+  uint64_t cells() const { return uint64_t(cells_x_) * cells_y_; }
+  uint64_t blocks() const { return (cells() + kGroupSize - 1) / kGroupSize; }
+  // Raster windows of the eight cells from `first`.
+  transport::RasterWindow cell_windows(uint64_t first) const;
+
+ private:
+  const transport::Scene& scene_;
+  Spec spec_;
+  sensor::PerspectiveCamera camera_;
+  film::Filter filter_;
+  int cells_x_, cells_y_;
+};
+
+// Counts of one segment; equal work gives equal counts.
+struct Counts {
+  uint64_t mutations = 0;
+  uint64_t path_evaluations = 0;
+  uint64_t rays = 0;
+  uint64_t large_steps = 0, large_accepted = 0;
+  uint64_t small_steps = 0, small_accepted = 0;
+};
+
+}  // namespace metrofarm::work_unit

@@ -1,0 +1,120 @@
+#include "work_unit/group_state.h"
+
+#include <cmath>
+#include <cstring>
+#include <type_traits>
+
+namespace metrofarm::work_unit {
+namespace {
+
+constexpr uint32_t kMagic = 0x31534743;  // "CGS1"
+
+class Writer {
+ public:
+  template <class T>
+  void put(const T& value) {
+    static_assert(std::is_arithmetic_v<T>);
+    const size_t at = out_.size();
+    out_.resize(at + sizeof value);
+    std::memcpy(&out_[at], &value, sizeof value);
+  }
+  std::string take() { return std::move(out_); }
+
+ private:
+  std::string out_;
+};
+
+class Reader {
+ public:
+  explicit Reader(std::string_view bytes) : bytes_(bytes) {}
+
+  template <class T>
+  T get() {
+    T value{};
+    if (bytes_.size() < sizeof value) {
+      complete_ = false;
+      return value;
+    }
+    std::memcpy(&value, bytes_.data(), sizeof value);
+    bytes_.remove_prefix(sizeof value);
+    return value;
+  }
+  bool complete() const { return complete_; }
+  bool at_end() const { return complete_ && bytes_.empty(); }
+
+ private:
+  std::string_view bytes_;
+  bool complete_ = true;
+};
+
+void write_pack(Writer& w, const PackState& pack) {
+  w.put(pack.chains.iteration);
+  w.put(pack.chains.serial);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const metropolis::LargeStepSums& sums = pack.chains.sums[lane];
+    w.put(pack.chains.f[lane]);
+    w.put(sums.count);
+    w.put(sums.sum);
+    w.put(sums.sum_squares);
+    const RenderTarget::Payload& p = pack.payload[lane];
+    for (float v : {p.x, p.y, p.rgb[0], p.rgb[1], p.rgb[2]}) w.put(v);
+    w.put(static_cast<uint32_t>(pack.pairs[lane].size()));
+    for (const primary_space::StoredPair& pair : pack.pairs[lane]) {
+      w.put(static_cast<uint32_t>(pair.slot));
+      w.put(pair.first);
+      w.put(pair.second);
+    }
+  }
+}
+
+bool read_pairs(Reader& r, std::vector<primary_space::StoredPair>& pairs) {
+  const auto count = r.get<uint32_t>();
+  if (count > static_cast<uint32_t>(primary_space::kSlotCount)) return false;
+  for (uint32_t i = 0; i < count && r.complete(); ++i) {
+    const auto slot = r.get<uint32_t>();
+    if (slot >= static_cast<uint32_t>(primary_space::kSlotCount)) return false;
+    const auto first = r.get<uint32_t>();
+    const auto second = r.get<uint32_t>();
+    pairs.push_back({static_cast<primary_space::Slot>(slot), first, second});
+  }
+  return r.complete();
+}
+
+bool read_lane(Reader& r, PackState& pack, int lane) {
+  metropolis::LargeStepSums& sums = pack.chains.sums[lane];
+  pack.chains.f[lane] = r.get<float>();
+  sums.count = r.get<uint64_t>();
+  sums.sum = r.get<double>();
+  sums.sum_squares = r.get<double>();
+  RenderTarget::Payload& p = pack.payload[lane];
+  for (float* v : {&p.x, &p.y, &p.rgb[0], &p.rgb[1], &p.rgb[2]}) *v = r.get<float>();
+  const float f = pack.chains.f[lane];
+  const bool sound = f > 0 && std::isfinite(f) && std::isfinite(p.x) && std::isfinite(p.y);
+  return r.complete() && sound && read_pairs(r, pack.pairs[lane]);
+}
+
+}  // namespace
+
+std::string serialize(const GroupState& state) {
+  Writer w;
+  w.put(kMagic);
+  for (const PackState& pack : state) write_pack(w, pack);
+  return w.take();
+}
+
+Result<GroupState> parse_group_state(std::string_view bytes) {
+  const Error malformed{"chain state is malformed or of another version"};
+  Reader r(bytes);
+  GroupState state;
+  if (r.get<uint32_t>() != kMagic) return malformed;
+  for (PackState& pack : state) {
+    pack.chains.iteration = r.get<uint64_t>();
+    pack.chains.serial = r.get<uint64_t>();
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (!read_lane(r, pack, lane)) return malformed;
+  }
+  if (!r.at_end()) return malformed;
+  return state;
+}
+
+}  // namespace metrofarm::work_unit

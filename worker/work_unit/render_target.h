@@ -1,0 +1,51 @@
+// The renderer as a chain's target: f is the luminance that a path brings back.
+#pragma once
+
+#include "diagnostics/anomalies.h"
+#include "film/film.h"
+#include "metropolis/target.h"
+#include "transport/path_tracer.h"
+#include "work_unit/context.h"
+
+namespace metrofarm::work_unit {
+
+class RenderTarget final : public metropolis::Target {
+ public:
+  explicit RenderTarget(const Context& context);
+
+  // Where record() splats: half and statistics group of the chains, and the first chain's number.
+  void begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain);
+
+  Float evaluate(primary_space::SampleSource& source) override;
+  void accept(Mask lanes) override;
+  void record(metropolis::Which which, metropolis::Layer layer, Float scale, Mask lanes,
+              uint64_t serial) override;
+
+  // The proposal of one lane becomes the current state of another: a chain starts from its seed.
+  // Source and destination are kept apart by storing into `to` only.
+  struct Payload {
+    float x, y, rgb[3];
+  };
+  Payload proposal(int lane) const;
+  Payload current(int lane) const;
+  void set_current(int lane, const Payload& payload);
+
+  const transport::PathCosts& costs() const { return tracer_.costs(); }
+  const diagnostics::AnomalyLog& anomalies() const { return anomalies_; }
+
+ private:
+  void log_incidents(const primary_space::SampleSource& source);
+
+  const Context& context_;
+  transport::PathTracer tracer_;
+  transport::Contribution current_, proposal_;
+  diagnostics::AnomalyLog anomalies_;
+  film::Splatter* splatter_ = nullptr;
+  film::Destination destination_;
+  uint64_t noise_[kLanes] = {};
+};
+
+// Element 2 s and 2 s + 1 are the pair in slot s, 0 where unread.
+std::vector<uint32_t> replayable(const std::vector<primary_space::StoredPair>& pairs);
+
+}  // namespace metrofarm::work_unit
