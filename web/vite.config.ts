@@ -8,7 +8,7 @@ export default defineConfig({
     emptyOutDir: true,
     assetsInlineLimit: 0,
     modulePreload: false,
-    rollupOptions: {
+    rolldownOptions: {
       output: { entryFileNames: 'app.js', assetFileNames: 'app[extname]' },
     },
   },

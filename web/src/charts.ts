@@ -7,7 +7,9 @@ import type { Point } from './model'
 import { errorColumns, metric, short } from './model'
 
 const HEIGHT = 220
-const LOGARITHMIC = 3
+// The library declares its scales' kinds as an ambient const enum, which has no value to name.
+// eslint-disable-next-line @typescript-eslint/no-unsafe-enum-assignment
+const LOGARITHMIC = 3 as uPlot.Scale.Distr
 
 /** A chart that is redrawn with new points, and rebuilt when colors or width change. */
 export class Chart {
@@ -88,8 +90,8 @@ export function errorOptions(width: number): uPlot.Options {
     axes: [mutationsAxis(), axis((y) => y.toExponential(0))],
     series: [
       { label: 'mutations', value: (_, x: number | null) => (x === null ? '–' : metric(x)) },
-      edge('high'),
-      edge('low'),
+      edge('upper'),
+      edge('lower'),
       line('relMSE', color('--accent')),
       line('1/N', color('--muted'), [4, 4]),
       line('target', color('--target'), [8, 4]),
@@ -110,8 +112,8 @@ export function bOptions(width: number): uPlot.Options {
     axes: [mutationsAxis(), axis(short)],
     series: [
       { label: 'mutations', value: (_, x: number | null) => (x === null ? '–' : metric(x)) },
-      edge('high'),
-      edge('low'),
+      edge('upper'),
+      edge('lower'),
       line('b', color('--accent')),
     ],
     bands: [{ series: [1, 2], fill: color('--band') }],

@@ -1,14 +1,13 @@
 // Ties the gateway to the views: which job is selected, and what to read again when something
 // happens. Nothing is polled; events say when.
 
-import './style.css'
-
 import { bData, bOptions, Chart, errorData, errorOptions } from './charts'
 import type { Action } from './gateway'
 import * as gateway from './gateway'
 import type { Job, JobEvent, Point } from './model'
 import { addPoint } from './model'
 import * as views from './views'
+import './style.css' // after the chart's own style, which it adjusts
 
 const errorChart = new Chart(views.element('error-chart'), errorOptions)
 const bChart = new Chart(views.element('b-chart'), bOptions)
@@ -19,6 +18,8 @@ let selected: string | null = null
 let job: Job | null = null
 let points: Point[] = []
 let shownFilm: string | null = null
+/** Counts image requests: an answer that a newer request has overtaken is dropped. */
+let imageRequest = 0
 let unfollow: () => void = () => undefined
 
 /** Runs something that may fail, and shows the reason. */
@@ -97,11 +98,12 @@ async function showImage(): Promise<void> {
   if (job?.film == null) return
   const { id, film } = job
   shownFilm = film
+  const request = ++imageRequest
   const exposure = views.input('auto-exposure').checked
     ? null
     : views.input('exposure').valueAsNumber
   const image = await gateway.getImage(id, exposure)
-  if (selected !== id) return
+  if (request !== imageRequest || selected !== id) return
   views.showImage(image, gateway.imagePath(id, 'exr', null), gateway.imagePath(id, 'png', exposure))
 }
 

@@ -11,6 +11,7 @@ import {
   toPoint,
   toWorker,
 } from './model'
+import type { Point } from './model'
 import type { WireJob, WirePoint } from './wire'
 
 function wireJob(change: Partial<WireJob> = {}): WireJob {
@@ -101,9 +102,9 @@ describe('toJob', () => {
 
 describe('points', () => {
   it('stay in order of rounds, each once', () => {
-    const points = [3, 1, 2, 2].reduce(
+    const points = [3, 1, 2, 2].reduce<Point[]>(
       (all, round) => addPoint(all, toPoint(wirePoint(round, 100 * round, 1 / round))),
-      [] as ReturnType<typeof toPoint>[],
+      [],
     )
     expect(points.map((point) => point.round)).toEqual([1, 2, 3])
   })

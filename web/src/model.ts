@@ -18,6 +18,7 @@ export interface Job {
   phase: string
   etaSeconds: number | null
   note: string
+  failed: boolean
   film: string | null
   target: number | null
   facts: [string, string][]
@@ -61,6 +62,7 @@ export function toJob(wire: WireJob): Job {
     phase: phaseOf(wire, ended),
     etaSeconds: !ended && wire.eta_seconds ? wire.eta_seconds : null,
     note: [wire.error, ...(wire.warnings ?? [])].filter(Boolean).join('\n'),
+    failed: wire.state === 'failed',
     film: wire.film_sha256 ?? null,
     target: wire.request.stop?.target_error ?? null,
     facts: factsOf(wire),

@@ -81,6 +81,7 @@ export function showJob(job: Job | null): void {
   const note = element('job-note')
   note.textContent = job.note
   note.hidden = job.note === ''
+  note.className = job.failed ? 'failed' : ''
   showFacts(job.facts)
   showButtons(job)
 }

@@ -4,11 +4,30 @@
 #include <vector>
 
 #include "app/bench.h"
+#include "app/files.h"
+#include "app/serve.h"
+
+namespace {
+
+constexpr char kUsage[] =
+    "usage: metrofarm-worker --coordinator HOST:PORT [--threads N] [--isa avx2] [--name NAME]\n"
+    "                        [--cache DIR]\n"
+    "       metrofarm-worker files SCENE.xml [--set NAME=VALUE]... [--lenient]\n"
+    "       metrofarm-worker bench SCENE.xml [--integrator path|pssmlt] [--per-pixel N]\n"
+    "                        [--width N] [--height N] [--threads N] [--seed N]\n"
+    "                        [--set NAME=VALUE]... [--lenient]\n";
+
+}  // namespace
 
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
-  const std::string command = words.empty() ? "" : words[0];
-  if (command == "bench") return metrofarm::app::run_bench({words.begin() + 1, words.end()});
-  std::fprintf(stderr, "usage: metrofarm-worker bench SCENE.xml\n");
-  return 2;
+  const std::string command = words.empty() ? "--help" : words[0];
+  if (command == "--help" || command == "-h") {
+    std::fputs(kUsage, stdout);
+    return words.empty() ? 2 : 0;
+  }
+  const std::vector<std::string> rest(words.begin() + 1, words.end());
+  if (command == "bench") return metrofarm::app::run_bench(rest);
+  if (command == "files") return metrofarm::app::run_files(rest);
+  return metrofarm::app::run_serve(words);
 }

@@ -28,13 +28,13 @@ fs::path directory_of(const fs::path& file) {
 
 }  // namespace
 
-FileAccess::FileAccess(const fs::path& main_file, const fs::path& root)
-    : directories_{directory_of(main_file)} {
-  if (root.empty()) return;
+FileAccess::FileAccess(const fs::path& main_file, const LoadOptions& options)
+    : directories_{directory_of(main_file)}, file_read_(options.file_read) {
+  if (options.root.empty()) return;
   std::error_code error;
-  root_ = fs::canonical(root, error);
+  root_ = fs::canonical(options.root, error);
   // A root that doesn't exist holds no file: keep a path that contains nothing.
-  if (error) root_ = fs::absolute(root, error);
+  if (error) root_ = fs::absolute(options.root, error);
 }
 
 Result<fs::path> FileAccess::check_inside_root(const fs::path& path) const {
@@ -95,6 +95,7 @@ Result<FileBytes> FileAccess::read(const fs::path& file) {
   if (static_cast<uintmax_t>(stream.gcount()) != size) {
     return Error{"cannot read all of " + quoted(file)};
   }
+  if (file_read_) file_read_(file);
   last_path_ = file;
   last_bytes_ = std::move(bytes);
   return last_bytes_;

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/result.h"
+#include "scene_file/load.h"
 
 namespace metrofarm::scene_file {
 
@@ -16,8 +18,8 @@ using FileBytes = std::shared_ptr<const std::string>;
 class FileAccess {
  public:
   // main_file: the scene; names are looked up beside it unless a search directory has them first.
-  // root: see LoadOptions::root.
-  FileAccess(const std::filesystem::path& main_file, const std::filesystem::path& root);
+  // options: only its root and file_read are looked at.
+  FileAccess(const std::filesystem::path& main_file, const LoadOptions& options);
 
   // Adds a directory (relative ones are beside the main file) that is searched before those already
   // known. An error's location is left to the caller, here and below.
@@ -35,6 +37,7 @@ class FileAccess {
 
   std::vector<std::filesystem::path> directories_;  // searched from the front
   std::filesystem::path root_;                      // canonical, or empty
+  std::function<void(const std::filesystem::path&)> file_read_;
   std::filesystem::path last_path_;
   FileBytes last_bytes_;
 };

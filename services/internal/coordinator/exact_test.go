@@ -56,11 +56,17 @@ func TestSameFilmForAnyNumberOfWorkers(t *testing.T) {
 // moody returns a source of faults; each worker has its own.
 func moody(seed uint64, faults ...fakeworker.Fault) func() fakeworker.Fault {
 	random := rand.New(rand.NewPCG(seed, 1))
+	vanished := false
 	return func() fakeworker.Fault {
 		if random.IntN(4) > 0 {
 			return fakeworker.None
 		}
-		return faults[random.IntN(len(faults))]
+		fault := faults[random.IntN(len(faults))]
+		if fault == fakeworker.Vanish && vanished {
+			return fakeworker.None // a task that takes three workers with it fails its job
+		}
+		vanished = vanished || fault == fakeworker.Vanish
+		return fault
 	}
 }
 

@@ -53,7 +53,7 @@ type Farm struct {
 // Start starts everything; on failure, nothing stays running. ctx bounds the start only: a farm
 // lives until Close.
 func Start(ctx context.Context, options cli.FarmOptions) (*Farm, error) {
-	f := &Farm{options: options, failed: make(chan error, 3)}
+	f := &Farm{options: options, failed: make(chan error, 4)}
 	if err := f.start(ctx); err != nil {
 		return nil, errors.Join(err, f.Close())
 	}

@@ -82,7 +82,7 @@ class SceneBuilder {
 Result<scene::SceneDescription> import_scene(const std::filesystem::path& file,
                                              const LoadOptions& options) {
   Problems problems(options.lenient);
-  FileAccess files(file, options.root);
+  FileAccess files(file, options);
   const Document document = read_document(file, options, files, problems);
   if (problems.failed()) return problems.error();
   Context context{document, files, problems};

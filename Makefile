@@ -1,0 +1,76 @@
+# Everything a developer or a user runs by hand. Tools live in .tools (tests/setup/setup.sh).
+
+export PATH := $(CURDIR)/.tools/bin:$(CURDIR)/.tools/python/bin:$(CURDIR)/.tools/go:$(PATH)
+# The pinned toolchain, never one that go fetches on its own.
+export GOTOOLCHAIN := local
+export METROFARM_TOOLS := $(CURDIR)/.tools/go
+
+PYTHON := $(CURDIR)/.tools/python/bin/python
+SETUP := tests/setup/setup.sh
+BENCH_ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help build worker services web demo test agreement references bench sabotage stress \
+        cluster format lint sanitize setup setup-test setup-bench clean
+
+help: ## show this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
+
+build: worker services ## install what is missing, compile bin/metrofarm and bin/metrofarm-worker
+
+demo: build ## render the door-ajar scene through the REST interface
+	@tests/setup/demo.sh
+
+test: ## all checks: lint, unit, end-to-end, image agreement, sanitizers
+	@tests/run.sh
+
+agreement: build ## image agreement with Mitsuba 3, long form (hours)
+	$(PYTHON) -m pytest -q tests/agreement --long
+
+bench: build setup-bench ## samples per CPU second beside Mitsuba 3; service overhead
+	.tools/bench/bin/python tests/bench/bench.py $(BENCH_ARGS)
+
+sabotage: build setup-test ## plant bugs, one at a time; each must turn a test red
+	$(PYTHON) tests/sabotage/run.py
+
+format: setup-test ## format all sources
+	@tests/setup/lint.sh format
+
+lint: setup-test ## format checks and linters
+	@tests/setup/lint.sh all
+
+sanitize: setup-test ## the worker's unit tests under the address and undefined sanitizers
+	@tests/setup/sanitize.sh
+
+references: setup-bench ## render the reference images of the agreement tests again (Mitsuba 3)
+	.tools/bench/bin/python tests/agreement/make_references.py
+
+web: setup ## build the dashboard; its output is committed under services/internal/api/web
+	cd web && npm ci --no-audit --no-fund && npm run build
+
+clean: ## remove everything built; .tools stays
+	rm -rf build bin demo
+
+worker: setup
+	@mkdir -p build bin
+	@cmake -S worker -B build/worker -G Ninja -DCMAKE_BUILD_TYPE=Release >build/configure.log 2>&1 \
+	  || { cat build/configure.log; exit 1; }
+	cmake --build build/worker
+	cp build/worker/app/metrofarm-worker bin/metrofarm-worker.new
+	mv bin/metrofarm-worker.new bin/metrofarm-worker
+
+services: setup
+	@mkdir -p bin
+	cd services && go build -o ../bin/metrofarm ./cmd/metrofarm
+
+setup:
+	@$(SETUP) build
+
+setup-test:
+	@$(SETUP) test
+
+setup-bench:
+	@$(SETUP) bench
+
+stress cluster:
+	@echo "make $@ comes with a later version" >&2; exit 1

@@ -1,0 +1,116 @@
+package coordinator
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"strings"
+
+	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	"metrofarm/services/internal/job"
+)
+
+// Report takes the result of an inspection or of bootstrap samples, or a failure.
+func (c *Coordinator) Report(_ context.Context, in *workv1.ReportRequest) (*workv1.ReportResponse, error) {
+	w, err := c.findWorker(in.GetWorkerId())
+	if err != nil {
+		return nil, err
+	}
+	r := c.runOfTask(in.GetLease().GetTaskId())
+	if r == nil {
+		return superseded("no such job"), nil
+	}
+	defer c.announce()
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if !r.table.Held(ref(in.GetLease()), w.id) {
+		return superseded("the lease is gone"), nil
+	}
+	err = r.takeReport(w, in)
+	var bad *malformedError
+	if errors.As(err, &bad) {
+		r.blame(in.GetLease(), w, bad.Error())
+		return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_REJECTED, Message: bad.Error()}, nil
+	}
+	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_COMMITTED}, err
+}
+
+func superseded(message string) *workv1.ReportResponse {
+	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_SUPERSEDED, Message: message}
+}
+
+// malformedError is a result that no correct worker sends.
+type malformedError struct{ message string }
+
+func (e *malformedError) Error() string { return e.message }
+
+// takeReport requires: mu; the worker holds the lease.
+func (r *run) takeReport(w worker, in *workv1.ReportRequest) error {
+	key := r.tasks[in.GetLease().GetTaskId()]
+	switch result := in.GetResult().(type) {
+	case *workv1.ReportRequest_Failure:
+		r.takeFailure(w, in.GetLease(), result.Failure)
+		return nil
+	case *workv1.ReportRequest_Scene:
+		if key.phase == job.Inspecting {
+			return r.inspected(in.GetLease().GetTaskId(), result.Scene)
+		}
+	case *workv1.ReportRequest_Bootstrap:
+		if key.phase == job.Bootstrapping {
+			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
+		}
+	}
+	return &malformedError{"the result does not fit the task"}
+}
+
+// takeFailure requires: mu.
+func (r *run) takeFailure(w worker, l *workv1.LeaseRef, f *workv1.TaskFailure) {
+	message := strings.ToValidUTF8(f.GetMessage(), "?")
+	if f.GetReason() == workv1.FailureReason_FAILURE_REASON_SCENE {
+		r.fail(message)
+		return
+	}
+	r.blame(l, w, fmt.Sprintf("%s: %s", f.GetReason(), message))
+}
+
+// blame gives a lease back as failed and ends the job if its task is poison. Requires: mu.
+func (r *run) blame(l *workv1.LeaseRef, w worker, evidence string) {
+	if !r.table.Fail(ref(l), w.id, evidence) {
+		return
+	}
+	r.publish("fault", fmt.Sprintf("task %s failed on worker %s: %s", l.GetTaskId(), w.name, evidence), nil)
+	r.endIfPoisoned()
+	r.save()
+}
+
+// endIfPoisoned requires: mu.
+func (r *run) endIfPoisoned() {
+	alone := r.c.liveWorkers(r.spec.GetWorkerVersion()) <= 1
+	p, poisoned := r.table.Poisoned(alone)
+	if !poisoned {
+		return
+	}
+	text := fmt.Sprintf("task %s cannot be rendered: it failed on, or was lost with, %d worker(s)", p.Task, p.Workers)
+	if p.Evidence != "" {
+		text += "; the last said: " + p.Evidence
+	}
+	r.fail(text)
+}
+
+// expire ends leases whose time is over. Requires: mu.
+func (r *run) expire() {
+	expired := r.table.Expire(r.c.options.Now())
+	if len(expired) == 0 {
+		return
+	}
+	r.c.metrics.expired.Add(float64(len(expired)))
+	byWorker := make(map[string]int)
+	for _, e := range expired {
+		byWorker[e.Worker]++
+	}
+	for id, n := range byWorker {
+		r.publish("fault", fmt.Sprintf("worker %s is lost with %d task(s); they are leased again", id, n), nil)
+	}
+	r.endIfPoisoned()
+	r.save()
+}

@@ -1,0 +1,136 @@
+#include "rpc/convert.h"
+
+namespace metrofarm::rpc {
+
+using job::v1::ResolvedSpec;
+using metrofarm::scene::v1::SceneReport;
+using work_unit::Spec;
+
+namespace {
+
+Result<transport::LightSampling> to_light_sampling(job::v1::LightSampling sampling) {
+  switch (sampling) {
+    case job::v1::LIGHT_SAMPLING_MIS:
+      return transport::LightSampling::kMis;
+    case job::v1::LIGHT_SAMPLING_EMITTER:
+      return transport::LightSampling::kEmitter;
+    case job::v1::LIGHT_SAMPLING_BSDF:
+      return transport::LightSampling::kBsdf;
+    default:
+      return Error{"spec.light_sampling is not one that this worker knows"};
+  }
+}
+
+Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
+  metropolis::Kernel kernel;
+  if (k.kind() == job::v1::KERNEL_KIND_GAUSSIAN) {
+    kernel.kind = metropolis::KernelKind::kGaussian;
+  } else if (k.kind() != job::v1::KERNEL_KIND_KELEMEN_PAIR) {
+    return Error{"spec.kernel.kind is not one that this worker knows"};
+  }
+  kernel.s1 = k.s1();
+  kernel.s2 = k.s2();
+  kernel.sigma = k.sigma();
+  kernel.large_step_probability = k.large_step_probability();
+  return kernel;
+}
+
+const char* kind_of(const metrofarm::scene::Bsdf& bsdf) {
+  static constexpr const char* kNames[] = {"diffuse", "conductor", "roughconductor", "dielectric",
+                                           "twosided"};
+  return kNames[bsdf.model.index()];
+}
+
+const char* kind_of(const metrofarm::scene::Emitter& emitter) {
+  static constexpr const char* kNames[] = {"area", "point", "constant"};
+  return kNames[emitter.model.index()];
+}
+
+metrofarm::scene::v1::Filter filter_of(metrofarm::scene::ReconstructionFilter filter) {
+  switch (filter) {
+    case metrofarm::scene::ReconstructionFilter::kBox:
+      return metrofarm::scene::v1::FILTER_BOX;
+    case metrofarm::scene::ReconstructionFilter::kTent:
+      return metrofarm::scene::v1::FILTER_TENT;
+    case metrofarm::scene::ReconstructionFilter::kGaussian:
+      return metrofarm::scene::v1::FILTER_GAUSSIAN;
+  }
+  return metrofarm::scene::v1::FILTER_UNSPECIFIED;
+}
+
+}  // namespace
+
+Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescription& scene) {
+  Spec spec;
+  if (s.integrator() == job::v1::INTEGRATOR_PSSMLT) {
+    spec.integrator = work_unit::Integrator::kPssmlt;
+  } else if (s.integrator() != job::v1::INTEGRATOR_PATH) {
+    return Error{"spec.integrator is not one that this worker knows"};
+  }
+  if (s.group_size() != work_unit::kGroupSize)
+    return Error{"spec.group_size must be " + std::to_string(work_unit::kGroupSize)};
+  const auto sampling = to_light_sampling(s.light_sampling());
+  if (!sampling) return sampling.error();
+  if (spec.integrator == work_unit::Integrator::kPssmlt) {
+    const auto kernel = to_kernel(s.kernel());
+    if (!kernel) return kernel.error();
+    spec.kernel = kernel.value();
+  }
+  spec.path = {sampling.value(), s.max_depth(), s.rr_depth(), scene.integrator.hide_emitters};
+  spec.width = static_cast<int>(std::min(s.width(), 1U << 20));
+  spec.height = static_cast<int>(std::min(s.height(), 1U << 20));
+  spec.seed = s.seed();
+  // Not known yet while the bootstrap runs, which does not need it.
+  spec.unit = s.unit() > 0 ? s.unit() : 1;
+  spec.blocks_per_segment = std::max(1U, s.blocks_per_segment());
+  if (const std::string problem = work_unit::problem_with(spec); !problem.empty())
+    return Error{"spec: " + problem};
+  if (!film::Filter::fits(scene.film.filter_radius))
+    return Error{"the film's filter is too wide for this worker", scene.film.where};
+  return spec;
+}
+
+SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
+  const metrofarm::scene::SceneDescription& d = scene.description();
+  SceneReport report;
+  report.set_width(d.film.width);
+  report.set_height(d.film.height);
+  report.set_filter(filter_of(d.film.filter));
+  const film::Filter filter(d.film);
+  // What matters outside is the border of the sampled raster: none for a box of one pixel.
+  report.set_filter_radius(filter.is_pixel_box() ? 0.5 : d.film.filter_radius);
+  report.set_max_depth(d.integrator.max_depth);
+  report.set_rr_depth(d.integrator.rr_depth);
+  report.set_sample_count(d.integrator.sample_count);
+  report.set_integrator(d.integrator.type);
+  report.set_triangles(scene.primitives().triangle_count);
+  report.set_analytic_shapes(scene.primitives().analytic_kind.size());
+  for (const auto& bsdf : d.bsdfs) ++(*report.mutable_bsdfs())[kind_of(bsdf)];
+  for (const auto& emitter : d.emitters) ++(*report.mutable_emitters())[kind_of(emitter)];
+  report.set_memory_bytes(scene.bytes());
+  report.set_load_seconds(times.load_seconds);
+  report.set_build_seconds(times.build_seconds);
+  for (const Error& warning : d.warnings) report.add_warnings(warning.to_string());
+  return report;
+}
+
+void fill_counts(const work_unit::SegmentOutput& output, work::v1::SegmentCounts& counts) {
+  const work_unit::Counts& c = output.counts;
+  counts.set_mutations(c.mutations);
+  counts.set_path_evaluations(c.path_evaluations);
+  counts.set_rays(c.rays);
+  counts.set_large_steps(c.large_steps);
+  counts.set_large_accepted(c.large_accepted);
+  counts.set_small_steps(c.small_steps);
+  counts.set_small_accepted(c.small_accepted);
+  for (uint64_t n : output.anomalies.counts()) counts.add_anomalies(n);
+}
+
+void fill_anomaly(const diagnostics::Anomaly& anomaly, work::v1::Anomaly& out) {
+  out.set_kind(static_cast<work::v1::AnomalyKind>(anomaly.incident.kind));
+  out.set_place(diagnostics::name_of(anomaly.incident.place));
+  out.set_depth(anomaly.incident.depth);
+  for (uint32_t word : anomaly.primary_sample) out.add_primary_sample(word);
+}
+
+}  // namespace metrofarm::rpc

@@ -1,0 +1,86 @@
+#include "rpc/leases.h"
+
+#include <chrono>
+
+namespace metrofarm::rpc {
+
+Leases::Leases(FarmClient& client) : client_(client), thread_([this] { beat_until_stopped(); }) {}
+
+Leases::~Leases() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+void Leases::hold(const work::v1::Task& task) {
+  const std::lock_guard lock(mutex_);
+  held_[task.task_id()] = {task.epoch(), 0, false};
+}
+
+void Leases::release(const std::string& task_id) {
+  const std::lock_guard lock(mutex_);
+  held_.erase(task_id);
+}
+
+void Leases::set_activity(const std::string& activity) {
+  const std::lock_guard lock(mutex_);
+  activity_ = activity;
+}
+
+void Leases::set_fraction(const std::string& task_id, double fraction) {
+  const std::lock_guard lock(mutex_);
+  const auto it = held_.find(task_id);
+  if (it != held_.end()) it->second.fraction = fraction;
+}
+
+bool Leases::abandoned(const std::string& task_id) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = held_.find(task_id);
+  return it != held_.end() && it->second.abandoned;
+}
+
+bool Leases::drain_requested() const {
+  const std::lock_guard lock(mutex_);
+  return drain_;
+}
+
+work::v1::HeartbeatRequest Leases::request() const {
+  work::v1::HeartbeatRequest r;
+  for (const auto& [task_id, held] : held_) {
+    work::v1::LeaseProgress* progress = r.add_leases();
+    progress->mutable_lease()->set_task_id(task_id);
+    progress->mutable_lease()->set_epoch(held.epoch);
+    progress->set_fraction(held.fraction);
+    progress->set_activity(activity_);
+  }
+  return r;
+}
+
+void Leases::obey(const work::v1::HeartbeatResponse& response) {
+  drain_ = drain_ || response.drain();
+  for (const work::v1::LeaseDirective& d : response.directives()) {
+    const auto it = held_.find(d.lease().task_id());
+    // An answer about an older lease of the same task is no word on this one.
+    if (it == held_.end() || it->second.epoch != d.lease().epoch()) continue;
+    if (d.directive() == work::v1::DIRECTIVE_ABANDON) it->second.abandoned = true;
+  }
+}
+
+void Leases::beat_until_stopped() {
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    wake_.wait_for(lock, std::chrono::duration<double>(client_.heartbeat_seconds()));
+    if (stopping_) break;
+    const work::v1::HeartbeatRequest beat = request();
+    lock.unlock();
+    work::v1::HeartbeatResponse response;
+    const bool answered = client_.heartbeat(beat, response);
+    lock.lock();
+    if (answered) obey(response);
+  }
+}
+
+}  // namespace metrofarm::rpc

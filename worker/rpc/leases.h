@@ -1,0 +1,52 @@
+// The leases that this worker holds, renewed by heartbeats from a thread of its own.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "metrofarm/work/v1/task.pb.h"
+#include "rpc/farm_client.h"
+
+namespace metrofarm::rpc {
+
+// Thread-safe.
+class Leases {
+ public:
+  explicit Leases(FarmClient& client);
+  ~Leases();
+
+  void hold(const work::v1::Task& task);
+  void release(const std::string& task_id);
+  void set_activity(const std::string& activity);
+  void set_fraction(const std::string& task_id, double fraction);
+
+  // True if the coordinator no longer wants the task.
+  bool abandoned(const std::string& task_id) const;
+  // True once the coordinator has asked this worker to finish and leave.
+  bool drain_requested() const;
+
+ private:
+  struct Held {
+    uint64_t epoch = 0;
+    double fraction = 0;
+    bool abandoned = false;
+  };
+  void beat_until_stopped();
+  work::v1::HeartbeatRequest request() const;
+  void obey(const work::v1::HeartbeatResponse& response);
+
+  FarmClient& client_;
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  bool drain_ = false;
+  std::string activity_;
+  std::map<std::string, Held> held_;
+  std::thread thread_;
+};
+
+}  // namespace metrofarm::rpc
