@@ -4,9 +4,9 @@
 #
 # usage: tests/run.sh [STAGE...]         default: all of them
 set -uo pipefail
-cd "$(dirname "$0")/.."
-PATH=$PWD/.tools/bin:$PWD/.tools/python/bin:$PWD/.tools/go:$PATH
-export PATH GOTOOLCHAIN=local METROFARM_TOOLS=$PWD/.tools/go
+cd "$(dirname "$0")/.." || exit
+# shellcheck source=tests/setup/environment.sh
+. tests/setup/environment.sh
 
 readonly STAGES=(setup build lint generated cpp go web instrument e2e agreement sanitize)
 
@@ -14,18 +14,23 @@ stage_setup() { tests/setup/setup.sh test; }
 stage_build() { make --no-print-directory build; }
 stage_lint() { tests/setup/lint.sh all; }
 
-# Committed generated files must be what the generators make now.
+# Generated files that are committed must be what the generators make now.
 stage_generated() {
-  services/generate.sh && (cd web && npm ci --no-audit --no-fund --loglevel=error && npm run --silent build) &&
-    tests/setup/unchanged.sh services/gen services/internal/api/web
+  local before=build/generated-before
+  rm -rf "$before" && mkdir -p "$before" &&
+    cp -r services/gen "$before/gen" && cp -r services/internal/api/web "$before/web" &&
+    services/generate.sh && make --no-print-directory web >/dev/null || return
+  diff -r "$before/gen" services/gen && diff -r "$before/web" services/internal/api/web && return
+  echo "generated files were stale (left: before, right: now); commit what has just been made"
+  return 1
 }
 
 stage_cpp() { ctest --test-dir build/worker --output-on-failure --no-tests=error -j 2; }
 stage_go() { (cd services && go test -race ./...); }
 stage_web() { (cd web && npm test --silent); }
-stage_instrument() { python -m pytest -q tests/agreement/test_tile_test.py tests/sabotage; }
+stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/sabotage; }
 stage_e2e() { python -m pytest -q tests/e2e; }
-stage_agreement() { python -m pytest -q tests/agreement --ignore=tests/agreement/test_tile_test.py; }
+stage_agreement() { python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py; }
 stage_sanitize() { tests/setup/sanitize.sh address,undefined; }
 
 report=()

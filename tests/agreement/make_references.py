@@ -24,7 +24,7 @@ import mitsuba
 import numpy as np
 
 from cases import REFERENCE_CASES, ReferenceCase
-from tile_test import tile_means
+from tiles import tile_means
 
 RUNS = 32
 # The llvm variant keeps every sample of a pass in memory.

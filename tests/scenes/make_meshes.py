@@ -8,6 +8,7 @@ One mesh per file format that the importer reads, so that the scenes exercise al
 ring.ply (text PLY), vase.obj (OBJ with normals) and goblet.serialized (Mitsuba's own, version 4).
 """
 
+import itertools
 import math
 import struct
 import zlib
@@ -37,10 +38,10 @@ def smooth(profile: list[Point], rounds: int) -> list[Point]:
     """Chaikin's corner cutting; the two ends stay where they are."""
     for _ in range(rounds):
         cut = [profile[0]]
-        for (r0, y0), (r1, y1) in zip(profile, profile[1:]):
+        for (r0, y0), (r1, y1) in itertools.pairwise(profile):
             cut.append((0.75 * r0 + 0.25 * r1, 0.75 * y0 + 0.25 * y1))
             cut.append((0.25 * r0 + 0.75 * r1, 0.25 * y0 + 0.75 * y1))
-        profile = cut + [profile[-1]]
+        profile = [*cut, profile[-1]]
     return profile
 
 
@@ -91,7 +92,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
             out.write(f"property float {name}\n")
         out.write(f"element face {len(mesh.triangles)}\n")
         out.write("property list uchar int vertex_indices\nend_header\n")
-        for p, n in zip(mesh.positions, mesh.normals):
+        for p, n in zip(mesh.positions, mesh.normals, strict=True):
             out.write(" ".join(f"{v:.5g}" for v in (*p, *n)) + "\n")
         for a, b, c in mesh.triangles:
             out.write(f"3 {a} {b} {c}\n")
@@ -125,7 +126,12 @@ def ring() -> Mesh:
     """A polished band, 0.3 high, inner radius 0.82, with rounded edges."""
     inner, outer, height, bevel = 0.82, 0.88, 0.30, 0.015
     profile = []
-    corners = [(outer, 0.0, -90.0), (outer, height, 0.0), (inner, height, 90.0), (inner, 0.0, 180.0)]
+    corners = [
+        (outer, 0.0, -90.0),
+        (outer, height, 0.0),
+        (inner, height, 90.0),
+        (inner, 0.0, 180.0),
+    ]
     for r, y, start in corners:
         center = (r - bevel if r == outer else r + bevel, y + bevel if y == 0.0 else y - bevel)
         profile += arc(center, bevel, start, start + 90.0, 2)
@@ -134,14 +140,38 @@ def ring() -> Mesh:
 
 def vase() -> Mesh:
     """A thick-walled vase about 0.5 high: a closed solid, as refraction needs."""
-    outside = [(0.0, 0.0), (0.12, 0.0), (0.2, 0.1), (0.19, 0.24), (0.07, 0.34), (0.075, 0.42), (0.13, 0.5)]
-    inside = [(0.11, 0.5), (0.055, 0.42), (0.05, 0.34), (0.165, 0.23), (0.17, 0.12), (0.1, 0.04), (0.0, 0.04)]
+    outside = [
+        (0.0, 0.0),
+        (0.12, 0.0),
+        (0.2, 0.1),
+        (0.19, 0.24),
+        (0.07, 0.34),
+        (0.075, 0.42),
+        (0.13, 0.5),
+    ]
+    inside = [
+        (0.11, 0.5),
+        (0.055, 0.42),
+        (0.05, 0.34),
+        (0.165, 0.23),
+        (0.17, 0.12),
+        (0.1, 0.04),
+        (0.0, 0.04),
+    ]
     return revolve(smooth(outside + inside, 2), 36, closed=False)
 
 
 def goblet() -> Mesh:
     """A metal cup on a foot, 0.42 high, open at the top with a wall of its own."""
-    outside = [(0.0, 0.0), (0.14, 0.0), (0.13, 0.02), (0.03, 0.05), (0.025, 0.17), (0.12, 0.22), (0.145, 0.42)]
+    outside = [
+        (0.0, 0.0),
+        (0.14, 0.0),
+        (0.13, 0.02),
+        (0.03, 0.05),
+        (0.025, 0.17),
+        (0.12, 0.22),
+        (0.145, 0.42),
+    ]
     inside = [(0.135, 0.42), (0.11, 0.23), (0.0, 0.2)]
     return revolve(smooth(outside + inside, 2), 64, closed=False)
 

@@ -4,10 +4,10 @@
 # usage: lint.sh all                every check below; one line per check, output on failure only
 #        lint.sh NAME...            some of: cpp tidy go proto web python shell
 #        lint.sh format             rewrites sources instead of checking them
-#
-# make sets PATH to the pinned tools.
 set -uo pipefail
-cd "$(dirname "$0")/../.."
+cd "$(dirname "$0")/../.." || exit
+# shellcheck source=tests/setup/environment.sh
+. tests/setup/environment.sh
 
 cpp_sources() { find worker -name '*.cpp' -o -name '*.h' | sort; }
 shell_sources() { { echo .ci/run; find tests services deploy -name '*.sh'; } | sort; }
@@ -28,8 +28,11 @@ check_tidy() {
     local key
     key=$({ echo "$common"; cat "$file"; } | sha256sum | cut -c1-32)
     [ -f "$stamps/$key" ] || echo "$file $stamps/$key"
-  done | xargs -r -P 2 -L 1 bash -c 'clang-tidy-19 -p build/worker --quiet "$0" && touch "$1"'
+  done | xargs -r -P 2 -L 1 tests/setup/lint.sh tidy-one
 }
+
+# tidy_one SOURCE STAMP
+tidy_one() { clang-tidy-19 -p build/worker --quiet "$1" && touch "$2"; }
 
 check_go() {
   (
@@ -77,6 +80,7 @@ format_all() {
 
 main() {
   [ $# -gt 0 ] || set -- all
+  [ "$1" != tidy-one ] || { tidy_one "$2" "$3"; return; }
   [ "$1" != format ] || { format_all; return; }
   [ "$1" != all ] || set -- cpp tidy go proto web python shell
   local name failed=0

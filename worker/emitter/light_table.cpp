@@ -31,7 +31,7 @@ double weight_of(const scene::Rgb& rgb) {
 LightTable::LightTable(const scene::SceneDescription& description,
                        const geometry::Primitives& primitives)
     : primitives_(primitives) {
-  radiance_.assign(3 * primitives.shapes.size(), 0.F);
+  radiance_.assign(3 * primitives.shapes.size() + 1, 0.F);
   pick_per_area_.assign(primitives.shapes.size(), 0.F);
   pick_.assign(primitives.shapes.size(), 0.F);
   add_area_lights(description);

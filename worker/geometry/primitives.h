@@ -21,7 +21,8 @@ struct ShapeRecord {
 
 struct Primitives {
   // ---- triangles ----
-  std::vector<float> positions;   // 3 per vertex, and one spare float for Embree's wide loads
+  // Vertex tables end with one spare float, for loads that are four floats wide.
+  std::vector<float> positions;   // 3 per vertex
   std::vector<float> normals;     // 3 per vertex; zero where the mesh has none; empty if none has
   std::vector<float> texcoords;   // 2 per vertex; zero where the mesh has none; empty if none has
   std::vector<int32_t> indices;   // 3 per triangle

@@ -34,10 +34,21 @@ inline Vec3 splat(float v) { return {Float(v), Float(v), Float(v)}; }
 inline Float max_component(const Vec3& a) { return xsimd::max(a.x, xsimd::max(a.y, a.z)); }
 inline Vec3 abs(const Vec3& a) { return {xsimd::abs(a.x), xsimd::abs(a.y), xsimd::abs(a.z)}; }
 
-// table[3 * index + 0..2] per lane.
+// table[3 * index + 0..2] per lane; 0 outside m. The table has one spare float at its end: eight
+// four-wide loads and a transpose take about half the time of three gathers (Zen 4).
 inline Vec3 gather3(const float* table, Int index, Mask m) {
-  const Int i = index * Int(3);
-  return {gather(table, i, m), gather(table + 1, i, m), gather(table + 2, i, m)};
+  const __m256i masked = _mm256_and_si256(index, _mm256_castps_si256(m));
+  alignas(32) int32_t i[kLanes];
+  _mm256_store_si256(reinterpret_cast<__m256i*>(i), Int(masked) * Int(3));
+  const auto rows = [&](int low, int high) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(table + i[low])),
+                                _mm_loadu_ps(table + i[high]), 1);
+  };
+  const __m256 r0 = rows(0, 4), r1 = rows(1, 5), r2 = rows(2, 6), r3 = rows(3, 7);
+  const __m256 xy01 = _mm256_unpacklo_ps(r0, r1), z01 = _mm256_unpackhi_ps(r0, r1);
+  const __m256 xy23 = _mm256_unpacklo_ps(r2, r3), z23 = _mm256_unpackhi_ps(r2, r3);
+  return {keep(m, _mm256_shuffle_ps(xy01, xy23, 0x44)), keep(m, _mm256_shuffle_ps(xy01, xy23, 0xee)),
+          keep(m, _mm256_shuffle_ps(z01, z23, 0x44))};
 }
 
 // An orthonormal basis; n is the third axis. Requires: n is a unit vector.

@@ -1,5 +1,9 @@
 #include "primary_space/sample_source.h"
 
+#include <algorithm>
+
+#include "base/check.h"
+
 namespace metrofarm::primary_space {
 
 void IndependentSource::begin(uint64_t first) {
@@ -10,26 +14,32 @@ void IndependentSource::begin(uint64_t first) {
   }
   index_low_ = UInt::load_aligned(low);
   index_high_ = UInt::load_aligned(high);
-  read_.clear();
+  std::fill_n(read_.begin(), used_, uint8_t{0});
+  used_ = 0;
+  words_of_ = 0xffffffffU;
 }
 
 FixedPair IndependentSource::fixed_pair(Slot slot) const {
-  const RngWords words =
-      philox(key_, {UInt(static_cast<uint32_t>(slot)), index_low_, index_high_, UInt(0U)});
-  return {words[0], words[1]};
+  // Odd slots first: the slots of an eye vertex begin with an odd one.
+  const auto counter = static_cast<uint32_t>(slot + 1) / 2;
+  if (counter != words_of_) {
+    words_ = philox(key_, {UInt(counter), index_low_, index_high_, UInt(0U)});
+    words_of_ = counter;
+  }
+  return slot % 2 != 0 ? FixedPair{words_[0], words_[1]} : FixedPair{words_[2], words_[3]};
 }
 
 Pair IndependentSource::pair(Slot slot, Mask lanes) {
-  if (static_cast<size_t>(slot) >= read_.size()) read_.resize(slot + 1, 0);
+  METROFARM_CHECK(slot < kSlotCount);
+  used_ = std::max(used_, slot + 1);
   read_[slot] |= static_cast<uint8_t>(bits(lanes));
   return fixed_pair(slot).to_float();
 }
 
 std::vector<StoredPair> IndependentSource::read_pairs(int lane) const {
   std::vector<StoredPair> out;
-  for (size_t i = 0; i < read_.size(); ++i) {
-    if ((read_[i] >> lane & 1U) == 0) continue;
-    const auto slot = static_cast<Slot>(i);
+  for (Slot slot = 0; slot < used_; ++slot) {
+    if ((read_[slot] >> lane & 1U) == 0) continue;
     const FixedPair p = fixed_pair(slot);
     out.push_back({slot, lane_word(p.first, lane), lane_word(p.second, lane)});
   }

@@ -40,7 +40,7 @@ class SampleSource {
 // Independent uniform samples: lane i is the sample number index[i] of a stream.
 class IndependentSource final : public SampleSource {
  public:
-  explicit IndependentSource(RngKey key) : key_(key) {}
+  explicit IndependentSource(RngKey key) : key_(key), read_(kSlotCount) {}
 
   // Begins samples first .. first + 7.
   void begin(uint64_t first);
@@ -55,6 +55,10 @@ class IndependentSource final : public SampleSource {
   UInt index_low_ = UInt(0U);
   UInt index_high_ = UInt(0U);
   std::vector<uint8_t> read_;  // lanes that have read each slot
+  Slot used_ = 0;              // slots from here on are unread
+  // One counter gives the pairs of two neighbouring slots, which paths read one after the other.
+  mutable RngWords words_ = {};
+  mutable uint32_t words_of_ = 0xffffffffU;
 };
 
 }  // namespace metrofarm::primary_space

@@ -23,7 +23,7 @@ struct LoadOptions {
   std::function<void(double fraction, std::string_view what)> progress = {};
 
   // Called with every file that is read, in order; a file may come more than once.
-  std::function<void(const std::filesystem::path& file)> file_read;
+  std::function<void(const std::filesystem::path& file)> file_read = {};
 
   // If not empty, every file that is read (the scene file too) must lie inside this directory after
   // symbolic links are resolved.

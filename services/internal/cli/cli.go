@@ -54,8 +54,9 @@ type FarmOptions struct {
 	Workers, Threads int
 	// WorkerProgram is needed when Workers is not 0.
 	WorkerProgram string
-	// GiveUp ends the farm when a worker keeps dying at its start; otherwise it is tried forever.
-	GiveUp bool
+	// OneJob: the farm lives for one job. A worker that keeps dying at its start ends it (otherwise
+	// it is tried forever), and at the end workers get no time to deliver what nobody waits for.
+	OneJob bool
 	// Version of this program.
 	Version string
 	Logger  *slog.Logger

@@ -50,7 +50,7 @@ func phase(s job.Snapshot) string {
 	if s.Paused {
 		text += " (paused)"
 	}
-	if s.Activity != "" && !s.State.Ended() {
+	if s.Activity != "" && s.Activity != string(s.State) && !s.State.Ended() {
 		text += ", " + s.Activity
 	}
 	return text

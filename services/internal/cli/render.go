@@ -28,7 +28,7 @@ type renderFlags struct {
 
 func (r *renderFlags) register(f *flags) {
 	r.requestFlags.register(f)
-	f.StringVar(&r.out, "o", "", "`OUT.exr`, the image; required")
+	f.StringVar(&r.out, "o", "", "write the image to `OUT.exr`; required")
 	f.StringVar(&r.stats, "stats", "", "write statistics to `OUT.json`")
 	f.StringVar(&r.png, "png", "", "write a tone-mapped picture to `OUT.png`")
 	f.BoolVar(&r.half, "half", false, "store 16-bit floats")
@@ -83,7 +83,7 @@ func render(ctx context.Context, env Env, arguments []string) error {
 	farm, err := env.StartFarm(ctx, FarmOptions{
 		DataDir: data, Listen: r.listen, LocalOnly: true, FarmListen: "127.0.0.1:0",
 		Workers: r.workers, Threads: threadsPerWorker(env.CPUs, r.threads, r.workers),
-		WorkerProgram: program, GiveUp: true, Version: env.Version, Logger: logger(env.Stderr, r.verbose),
+		WorkerProgram: program, OneJob: true, Version: env.Version, Logger: logger(env.Stderr, r.verbose),
 	})
 	if err != nil {
 		return err
@@ -143,7 +143,8 @@ func localScene(ctx context.Context, program, scene string, r *requestFlags) (bu
 		return bundle.Local{}, err
 	}
 	if r.request.Name == "" {
-		r.request.Name = filepath.Base(absolute)
+		// Many scene files are called scene.xml; their folder tells them apart.
+		r.request.Name = filepath.Join(filepath.Base(filepath.Dir(absolute)), filepath.Base(absolute))
 	}
 	return bundle.NewLocal(absolute, files)
 }

@@ -5,7 +5,8 @@
 // relative errors is taken, in logarithms, as that of the full estimate. Limits: averaging over
 // cells hides noise that is local to pixels and keeps what is common to many, so the interval is an
 // indication; groups of one half share bootstrap seeds and b, so it does not widen for what all
-// groups missed.
+// groups missed. On the rare target of the tests the 95 % interval holds the true error in about
+// 60 % of renders.
 package convergence
 
 import (

@@ -243,11 +243,14 @@ func TestPauseResumeCancel(t *testing.T) {
 	if j, err := s.c.Pause(ctx, id); err != nil || !j.Paused {
 		t.Fatalf("pause: %+v %v", j, err)
 	}
-	time.Sleep(100 * time.Millisecond) // what was leased comes in
-	before := s.job(id)
-	time.Sleep(100 * time.Millisecond)
-	if after := s.job(id); after.Mutations != before.Mutations || after.WallSeconds != before.WallSeconds {
-		t.Errorf("a paused job went on: %d mutations, then %d", before.Mutations, after.Mutations)
+	paused := s.job(id)
+	before := s.await(id, "still", func(j job.Snapshot) bool { // what was leased comes in
+		last := j.Mutations
+		time.Sleep(300 * time.Millisecond)
+		return s.job(id).Mutations == last
+	})
+	if before.WallSeconds != paused.WallSeconds {
+		t.Errorf("the clock of a paused job went on from %v to %v", paused.WallSeconds, before.WallSeconds)
 	}
 	if err := s.c.Delete(ctx, id); !errors.Is(err, job.ErrConflict) {
 		t.Errorf("a running job was deleted: %v", err)

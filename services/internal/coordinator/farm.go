@@ -17,12 +17,12 @@ import (
 )
 
 const (
-	maxLeaseWait  = 30 * time.Second
-	maxSegments   = 4096
-	maxNameBytes  = 200
-	maxActivity   = 200
-	maxTaskState  = 48 << 20 // chain states in one lease answer, below the message limit
-	leaseRecheck  = time.Second
+	maxLeaseWait = 30 * time.Second
+	maxSegments  = 4096
+	maxNameBytes = 200
+	maxActivity  = 200
+	maxTaskState = 48 << 20 // chain states in one lease answer, below the message limit
+	leaseRecheck = time.Second
 )
 
 var instancePattern = regexp.MustCompile(`^[0-9a-f]{32}$`)

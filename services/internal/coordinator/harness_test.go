@@ -26,7 +26,7 @@ import (
 
 const (
 	testVersion = "v1 avx2 0000"
-	testTTL     = 300 * time.Millisecond
+	testTTL     = 500 * time.Millisecond
 	patience    = 60 * time.Second
 )
 
@@ -40,6 +40,7 @@ type site struct {
 
 	c      *coordinator.Coordinator
 	db     *bolt.Store
+	blobs  *blob.Store
 	server *farm.Server
 	cancel context.CancelFunc
 	done   chan struct{}
@@ -53,16 +54,17 @@ func newSite(t *testing.T) *site {
 // start opens the data directory and serves it.
 func (s *site) start() {
 	s.t.Helper()
-	blobs, err := blob.Open(filepath.Join(s.dir, "blobs"))
-	s.check(err)
+	var err error
 	s.db, err = bolt.Open(filepath.Join(s.dir, "metrofarm.db"))
+	s.check(err)
+	s.blobs, err = blob.Open(filepath.Join(s.dir, "blobs"))
 	s.check(err)
 	logger := slog.New(slog.DiscardHandler)
 	if testing.Verbose() && os.Getenv("METROFARM_TEST_LOG") != "" {
 		logger = slog.New(slog.NewTextHandler(os.Stderr, &slog.HandlerOptions{Level: slog.LevelDebug}))
 	}
 	options := coordinator.Options{
-		Store: s.db, Blobs: blobs, Logger: logger,
+		Store: s.db, Blobs: s.blobs, Logger: logger,
 		LeaseTTL: testTTL, Heartbeat: testTTL / 4, Tick: 10 * time.Millisecond, CheckpointMin: 20 * time.Millisecond,
 	}
 	if s.tune != nil {
@@ -72,7 +74,7 @@ func (s *site) start() {
 	s.cancel = cancel
 	s.c, err = coordinator.New(ctx, options)
 	s.check(err)
-	s.server = farm.NewServer(farm.Options{Farm: s.c, Blobs: blobs, Logger: logger})
+	s.server = farm.NewServer(farm.Options{Farm: s.c, Blobs: s.blobs, Logger: logger})
 	listener, err := net.Listen("tcp", s.address)
 	s.check(err)
 	s.address = listener.Addr().String()
@@ -109,11 +111,9 @@ func (s *site) check(err error) {
 // bundle stores a scene of one file.
 func (s *site) bundle() string {
 	s.t.Helper()
-	blobs, err := blob.Open(filepath.Join(s.dir, "blobs"))
+	sha, size, err := s.blobs.PutFile(context.Background(), strings.NewReader("<scene/>"), 100)
 	s.check(err)
-	sha, size, err := blobs.PutFile(context.Background(), strings.NewReader("<scene/>"), 100)
-	s.check(err)
-	digest, err := blobs.PutManifest(context.Background(), []blob.File{{Path: "scene.xml", Size: size, SHA256: sha}})
+	digest, err := s.blobs.PutManifest(context.Background(), []blob.File{{Path: "scene.xml", Size: size, SHA256: sha}})
 	s.check(err)
 	return digest
 }

@@ -108,8 +108,18 @@ func (r *run) expire() {
 	for _, e := range expired {
 		byWorker[e.Worker]++
 	}
+	lost := r.c.lostWorkers(byWorker)
+	for _, e := range expired {
+		if lost[e.Worker] {
+			r.table.NoteLost(e.Task, e.Worker)
+		}
+	}
 	for id, n := range byWorker {
-		r.publish("fault", fmt.Sprintf("worker %s is lost with %d task(s); they are leased again", id, n), nil)
+		how := "did not renew"
+		if lost[id] {
+			how = "is lost with"
+		}
+		r.publish("fault", fmt.Sprintf("worker %s %s %d task(s); they are leased again", id, how, n), nil)
 	}
 	r.endIfPoisoned()
 	r.save()

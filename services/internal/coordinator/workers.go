@@ -51,9 +51,21 @@ func (c *Coordinator) liveWorkers(version string) int {
 }
 
 // lost tells whether a worker is silent for longer than a lease lives. Requires: mu. A worker that
-// waits for a lease calls rarely, but its next call counts before anything is blamed on it.
+// waits for a lease counts as heard of: its call looks for work, and here, every second.
 func (c *Coordinator) lost(w *worker) bool {
-	return c.options.Now().Sub(w.lastContact) > c.options.LeaseTTL+maxLeaseWait
+	return c.options.Now().Sub(w.lastContact) > c.options.LeaseTTL
+}
+
+// lostWorkers tells which of these workers are lost.
+func (c *Coordinator) lostWorkers(ids map[string]int) map[string]bool {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	lost := make(map[string]bool)
+	for id := range ids {
+		w := c.workers[id]
+		lost[id] = w == nil || c.lost(w)
+	}
+	return lost
 }
 
 // credit counts a worker's merged mutations.
@@ -71,6 +83,7 @@ func (c *Coordinator) flag(id string) {
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
 		w.conflicts++
+		c.log.Warn("worker delivered a conflicting batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
 	}
 }
 

@@ -190,9 +190,9 @@ type Expired struct {
 	Worker string
 }
 
-// Expire ends the leases whose time is over and notes their holders as lost with the task. When it
-// was not called for a whole time to live, the coordinator itself stood still (a suspended machine)
-// and heard no heartbeat: then all leases get one more time to live instead.
+// Expire ends the leases whose time is over. When it was not called for a whole time to live, the
+// coordinator itself stood still (a suspended machine) and heard no heartbeat: then all leases get
+// one more time to live instead.
 func (t *Table) Expire(now time.Time) []Expired {
 	slept := !t.checked.IsZero() && now.Sub(t.checked) >= t.ttl
 	t.checked = now
@@ -206,12 +206,19 @@ func (t *Table) Expire(now time.Time) []Expired {
 			if now.Before(h.deadline) {
 				return false
 			}
-			k.lost[h.worker] = true
 			expired = append(expired, Expired{Ref{k.id, h.epoch}, h.worker})
 			return true
 		})
 	}
 	return expired
+}
+
+// NoteLost notes that a worker was lost while it held a task. A lease that ran out although its
+// worker is alive was dropped, which says nothing about the task.
+func (t *Table) NoteLost(id, worker string) {
+	if k := t.tasks[id]; k != nil {
+		k.lost[worker] = true
+	}
 }
 
 func (t *Table) extend(now time.Time) {

@@ -31,6 +31,9 @@ import (
 // giveUpAfter so many early ends a worker is taken to be unable to run.
 const giveUpAfter = 3
 
+// oneJobGrace lets a worker that is idle leave by itself.
+const oneJobGrace = 100 * time.Millisecond
+
 // httpGrace is how long open requests may take when we stop.
 const httpGrace = 3 * time.Second
 
@@ -66,7 +69,7 @@ func (f *Farm) start(ctx context.Context) error {
 		return err
 	}
 	if f.db, err = bolt.Open(filepath.Join(f.options.DataDir, "metrofarm.db")); err != nil {
-		return err
+		return fmt.Errorf("data folder %s (used by another coordinator?): %w", f.options.DataDir, err)
 	}
 	uploads := filepath.Join(f.options.DataDir, "uploads")
 	if err := errors.Join(os.RemoveAll(uploads), os.MkdirAll(uploads, 0o750)); err != nil {
@@ -160,8 +163,8 @@ func (f *Farm) startWorkers(ctx context.Context, address string) {
 			Program: f.options.WorkerProgram, Arguments: arguments,
 			Logger: f.options.Logger.With(slog.String("worker", name)),
 		}
-		if f.options.GiveUp {
-			supervisor.GiveUpAfter = giveUpAfter
+		if f.options.OneJob {
+			supervisor.GiveUpAfter, supervisor.Grace = giveUpAfter, oneJobGrace
 		}
 		supervisors = append(supervisors, supervisor)
 	}

@@ -81,7 +81,7 @@ func TestAWorkerThatCannotRunFailsTheFarm(t *testing.T) {
 		t.Fatal(err)
 	}
 	o := options(t)
-	o.Workers, o.Threads, o.WorkerProgram, o.GiveUp = 1, 2, program, true
+	o.Workers, o.Threads, o.WorkerProgram, o.OneJob = 1, 2, program, true
 	farm, err := localfarm.Start(t.Context(), o)
 	if err != nil {
 		t.Fatal(err)

@@ -32,13 +32,19 @@ func Cells(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
 	return (int(spec.GetWidth()) + border) * (int(spec.GetHeight()) + border)
 }
 
-// Segments is the number of segments in a round, those of a dark half included.
-func Segments(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
+// Segments is the number of segments in a round over so many film cells, those of a dark half
+// included.
+func Segments(spec *jobv1.ResolvedSpec, cells int) int {
 	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
 		return int(spec.GetChainGroups())
 	}
-	cells := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
-	return (Cells(spec, report) + cells - 1) / cells
+	perSegment := CellsPerSegment(spec)
+	return (cells + perSegment - 1) / perSegment
+}
+
+// CellsPerSegment of path tracing; the last segment may have fewer.
+func CellsPerSegment(spec *jobv1.ResolvedSpec) int {
+	return int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
 }
 
 // Chains is the number of Markov chains; 0 for path tracing.

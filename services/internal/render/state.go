@@ -6,8 +6,6 @@ package render
 import (
 	"fmt"
 
-	"google.golang.org/protobuf/proto"
-
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	"metrofarm/services/internal/bootstrap"
 	"metrofarm/services/internal/film"
@@ -111,29 +109,14 @@ func Resume(spec *jobv1.ResolvedSpec, cells int, total *film.Film, p Progress, o
 }
 
 func (s *State) prepare() {
-	s.expected = make([]bool, segments(s.Spec, s.Cells))
+	s.expected = make([]bool, plan.Segments(s.Spec, s.Cells))
 	for i := range s.expected {
 		s.expected[i] = !s.Chains() || len(s.Seeds[i]) > 0
 	}
 }
 
-func segments(spec *jobv1.ResolvedSpec, cells int) int {
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
-		return int(spec.GetChainGroups())
-	}
-	perSegment := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
-	return (cells + perSegment - 1) / perSegment
-}
-
 // Chains tells whether the job runs Markov chains.
 func (s *State) Chains() bool { return s.Spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT }
-
-// Pin fixes the worker version.
-func (s *State) Pin(version string) {
-	spec := proto.CloneOf(s.Spec) // tasks under way share the old one
-	spec.WorkerVersion = version
-	s.Spec = spec
-}
 
 // Expected tells which segments a round has.
 func (s *State) Expected() []bool { return s.expected }
@@ -227,7 +210,7 @@ func (s *State) checkCounts(number int, e merge.Segment) error {
 				e.Segment, e.Counts.LargeSteps, e.Counts.SmallSteps, e.Counts.Mutations)
 		}
 	} else {
-		perSegment := int(s.Spec.GetBlocksPerSegment()) * int(s.Spec.GetGroupSize())
+		perSegment := plan.CellsPerSegment(s.Spec)
 		want *= uint64(min(perSegment, s.Cells-e.Segment*perSegment))
 	}
 	if e.Counts.Mutations != want {

@@ -160,8 +160,8 @@ constexpr Plugin<Model (*)(Properties&, Context&)> kBsdfs[] = {
     {"twosided", load_twosided},
 };
 
-Index append_bsdf(Model model, const Element& element, Context& context) {
-  context.scene.bsdfs.push_back({std::move(model), element.get("id"), element.where});
+Index append_bsdf(const Model& model, const Element& element, Context& context) {
+  context.scene.bsdfs.push_back({model, element.get("id"), element.where});
   return static_cast<Index>(context.scene.bsdfs.size() - 1);
 }
 
@@ -182,7 +182,7 @@ Index load_bsdf(const Element& element, Context& context) {
     properties.finish();
   }
   context.bsdfs_in_progress.erase(&element);
-  const Index index = append_bsdf(std::move(model), element, context);
+  const Index index = append_bsdf(model, element, context);
   context.bsdfs.emplace(&element, index);
   return index;
 }

@@ -51,11 +51,11 @@ Index load_emitter(const Element& element, Context& context) {
   const auto* plugin = find_plugin(kEmitters, element, "it is left out", context.problems);
   if (!plugin) return scene::kNone;
   Properties properties = context.properties_of(element);
-  Model model = plugin->load(properties, context);
+  const Model model = plugin->load(properties, context);
   // How often Mitsuba picks this light for sampling: no part of the image.
   properties.ignore({"sampling_weight"});
   properties.finish();
-  context.scene.emitters.push_back({std::move(model), element.where});
+  context.scene.emitters.push_back({model, element.where});
   return static_cast<Index>(context.scene.emitters.size() - 1);
 }
 

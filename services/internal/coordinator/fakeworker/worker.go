@@ -7,31 +7,16 @@ import (
 	"encoding/hex"
 	"fmt"
 	"slices"
+	"sync"
 	"time"
 
 	"google.golang.org/grpc/codes"
 	"google.golang.org/grpc/status"
-	"google.golang.org/protobuf/proto"
 
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/plan"
-)
-
-// Fault is one way to misbehave with a batch.
-type Fault int
-
-// The faults.
-const (
-	None      Fault = iota
-	Vanish          // never deliver, come back as a new process
-	Repeat          // deliver twice
-	Stale           // deliver after the lease has run out
-	BitFlip         // change a value, keep the digests
-	Truncated       // announce more tiles than follow
-	Forged          // change a value and the header's digest
-	Abandoned       // break the stream off
 )
 
 // Worker is one worker process.
@@ -52,9 +37,43 @@ type Worker struct {
 	// Delay before each batch is delivered.
 	Delay time.Duration
 
-	id       string
 	instance int
 	codec    *film.Codec
+
+	mu   sync.Mutex // guards what the heartbeats read
+	id   string
+	held []*workv1.LeaseProgress
+}
+
+// heartbeatPace is well below the time to live that tests use.
+const heartbeatPace = 50 * time.Millisecond
+
+// beat sends heartbeats until ctx ends.
+func (w *Worker) beat(ctx context.Context) {
+	for ctx.Err() == nil {
+		w.mu.Lock()
+		request := &workv1.HeartbeatRequest{WorkerId: w.id, Leases: w.held}
+		w.mu.Unlock()
+		if request.GetWorkerId() != "" {
+			_, _ = w.Client.Heartbeat(ctx, request) // the next call notices what is wrong
+		}
+		sleep(ctx, heartbeatPace)
+	}
+}
+
+func (w *Worker) become(id string) {
+	w.mu.Lock()
+	defer w.mu.Unlock()
+	w.id, w.held = id, nil
+}
+
+func (w *Worker) hold(tasks []*workv1.Task) {
+	w.mu.Lock()
+	defer w.mu.Unlock()
+	w.held = nil
+	for _, t := range tasks {
+		w.held = append(w.held, &workv1.LeaseProgress{Lease: &workv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}})
+	}
 }
 
 // Run works until ctx ends. Transport errors are retried, as real workers do.
@@ -64,12 +83,17 @@ func (w *Worker) Run(ctx context.Context) error {
 		return err
 	}
 	w.codec = codec
+	ctx, cancel := context.WithCancel(ctx)
+	var beating sync.WaitGroup
+	beating.Go(func() { w.beat(ctx) })
+	defer beating.Wait()
+	defer cancel()
 	for ctx.Err() == nil {
 		err := w.step(ctx)
 		switch status.Code(err) {
 		case codes.OK:
 		case codes.NotFound:
-			w.id = ""
+			w.become("")
 		case codes.Unavailable, codes.Canceled, codes.DeadlineExceeded:
 			sleep(ctx, 5*time.Millisecond)
 		default:
@@ -100,6 +124,8 @@ func (w *Worker) step(ctx context.Context) error {
 	if err != nil || len(answer.GetTasks()) == 0 {
 		return err
 	}
+	w.hold(answer.GetTasks())
+	defer w.hold(nil)
 	if answer.GetTasks()[0].GetChains() != nil || answer.GetTasks()[0].GetPaths() != nil {
 		return w.renderAll(ctx, answer.GetTasks())
 	}
@@ -117,7 +143,7 @@ func (w *Worker) register(ctx context.Context) error {
 	answer, err := w.Client.Register(ctx, &workv1.RegisterRequest{
 		Name: w.Name, Version: w.Version, Threads: 1, Instance: hex.EncodeToString(instance),
 	})
-	w.id = answer.GetWorkerId()
+	w.become(answer.GetWorkerId())
 	return err
 }
 
@@ -213,83 +239,4 @@ func (w *Worker) render(number uint32, tasks []*workv1.Task) (*workv1.BatchHeade
 	}
 	header.TileCount = uint32(len(tiles))
 	return header, tiles, nil
-}
-
-func (w *Worker) deliver(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) error {
-	fault := None
-	if w.Fault != nil {
-		fault = w.Fault()
-	}
-	switch fault {
-	case Vanish:
-		w.id = ""
-		w.instance++
-		return nil
-	case Repeat:
-		if _, err := w.Send(ctx, header, tiles); err != nil {
-			return err
-		}
-	case Stale:
-		sleep(ctx, w.StaleDelay)
-	case BitFlip, Forged:
-		header, tiles = w.damage(header, tiles, fault)
-	case Truncated:
-		tiles = tiles[1:]
-	case Abandoned:
-		return w.breakOff(ctx, header, tiles)
-	}
-	_, err := w.Send(ctx, header, tiles)
-	return err
-}
-
-// damage replaces one tile by another content.
-func (w *Worker) damage(header *workv1.BatchHeader, tiles []*workv1.Tile, fault Fault) (*workv1.BatchHeader, []*workv1.Tile) {
-	shape := film.Shape{Width: int(w.Report.GetWidth()), Height: int(w.Report.GetHeight()), Layers: 1}
-	values := make([]int64, film.FullTileValues)
-	values[0] = 12345
-	changed := slices.Clone(tiles)
-	for i, t := range changed {
-		if !t.GetLow() && t.GetPlane() == 0 && t.GetX() == 0 && t.GetY() == 0 {
-			changed[i] = w.codec.EncodeTile(film.Address{}, values)
-		}
-	}
-	header = proto.CloneOf(header)
-	if fault == Forged {
-		header.Digest = shape.SplatDigest(false, 0, 0, 0, values[0])
-	}
-	header.TileCount = uint32(len(changed))
-	return header, changed
-}
-
-// Send delivers a batch.
-func (w *Worker) Send(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) (*workv1.DeliverResponse, error) {
-	stream, err := w.Client.Deliver(ctx)
-	if err != nil {
-		return nil, err
-	}
-	opening := &workv1.DeliverHeader{WorkerId: w.id, Batch: header}
-	if err := stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Header{Header: opening}}); err != nil {
-		_, err = stream.CloseAndRecv()
-		return nil, err
-	}
-	for part := range slices.Chunk(tiles, 5) {
-		message := &workv1.DeliverRequest{Content: &workv1.DeliverRequest_Tiles{Tiles: &workv1.DeliverTiles{Tiles: part}}}
-		if stream.Send(message) != nil {
-			break // CloseAndRecv has the reason
-		}
-	}
-	return stream.CloseAndRecv()
-}
-
-func (w *Worker) breakOff(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) error {
-	ctx, cancel := context.WithCancel(ctx)
-	defer cancel()
-	stream, err := w.Client.Deliver(ctx)
-	if err != nil {
-		return err
-	}
-	opening := &workv1.DeliverHeader{WorkerId: w.id, Batch: header}
-	_ = stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Header{Header: opening}})
-	_ = stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Tiles{Tiles: &workv1.DeliverTiles{Tiles: tiles[:1]}}})
-	return nil
 }

@@ -7,6 +7,8 @@ import (
 	"encoding/binary"
 	"encoding/json"
 	"fmt"
+	"os"
+	"path/filepath"
 	"slices"
 	"time"
 
@@ -41,8 +43,12 @@ type keyEntry struct {
 	Fingerprint string `json:"fingerprint"`
 }
 
-// Open opens or creates the file. It fails if another process has it open.
+// Open opens or creates the file and its directory. It fails if another process has it open, which
+// is what keeps two coordinators off one data directory: open it before anything else there.
 func Open(path string) (*Store, error) {
+	if err := os.MkdirAll(filepath.Dir(path), 0o750); err != nil {
+		return nil, fmt.Errorf("bolt: open %s: %w", path, err)
+	}
 	db, err := bbolt.Open(path, 0o600, &bbolt.Options{Timeout: openTimeout})
 	if err != nil {
 		return nil, fmt.Errorf("bolt: open %s: %w", path, err)

@@ -1,0 +1,138 @@
+package lease
+
+import (
+	"fmt"
+	"testing"
+	"time"
+)
+
+const ttl = 10 * time.Second
+
+var start = time.Unix(1000, 0)
+
+func table(tasks int) *Table {
+	epoch := uint64(0)
+	t := NewTable(ttl, func() uint64 { epoch++; return epoch })
+	for i := range tasks {
+		t.Put(fmt.Sprint(i), uint64(tasks-i)) // the last put comes first
+	}
+	return t
+}
+
+func at(seconds int) time.Time { return start.Add(time.Duration(seconds) * time.Second) }
+
+func TestGrantsInOrderAndOnce(t *testing.T) {
+	k := table(3)
+	first := k.Grant("a", 2, false, at(0))
+	second := k.Grant("b", 2, false, at(0))
+	if len(first) != 2 || first[0].Task != "2" || first[1].Task != "1" || len(second) != 1 || second[0].Task != "0" {
+		t.Fatalf("first %v, second %v", first, second)
+	}
+	if second[0].Epoch <= first[1].Epoch {
+		t.Error("epochs do not grow")
+	}
+	if none := k.Grant("c", 1, false, at(0)); len(none) != 0 {
+		t.Errorf("granted %v again", none)
+	}
+}
+
+func TestExpiryAndFencing(t *testing.T) {
+	k := table(1)
+	old := k.Grant("a", 1, false, at(0))[0]
+	k.Expire(at(1))
+	if !k.Renew(old, "a", 0.5, at(8)) || k.Renew(old, "b", 0.5, at(8)) {
+		t.Fatal("only the holder renews")
+	}
+	for second := 2; second < 18; second++ {
+		if expired := k.Expire(at(second)); len(expired) != 0 {
+			t.Fatalf("expired at %d: %v", second, expired)
+		}
+	}
+	if expired := k.Expire(at(18)); len(expired) != 1 || expired[0].Worker != "a" || expired[0].Ref != old {
+		t.Fatalf("expired %v", expired)
+	}
+	if k.Held(old, "a") || k.Renew(old, "a", 1, at(18)) || k.Fail(old, "a", "") {
+		t.Error("an expired lease is alive")
+	}
+	next := k.Grant("a", 1, false, at(18))
+	if len(next) != 1 || next[0].Epoch <= old.Epoch {
+		t.Errorf("granted %v after %v", next, old)
+	}
+}
+
+func TestSleepingCoordinatorBlamesNobody(t *testing.T) {
+	k := table(1)
+	ref := k.Grant("a", 1, false, at(0))[0]
+	k.Expire(at(1))
+	if expired := k.Expire(at(3600)); len(expired) != 0 || !k.Renew(ref, "a", 0, at(3601)) {
+		t.Errorf("expired %v", expired)
+	}
+}
+
+func TestFailedTaskGoesToOthersFirst(t *testing.T) {
+	k := table(1)
+	ref := k.Grant("a", 1, false, at(0))[0]
+	k.Fail(ref, "a", "no")
+	if got := k.Grant("a", 1, false, at(1)); len(got) != 0 {
+		t.Errorf("granted %v to the worker that failed it", got)
+	}
+	if got := k.Grant("a", 1, true, at(1)); len(got) != 1 {
+		t.Error("not granted though there is no other worker")
+	}
+}
+
+func TestPoison(t *testing.T) {
+	k := table(1)
+	fail := func(worker string) { k.Fail(k.Grant(worker, 1, true, at(0))[0], worker, "by "+worker) }
+	fail("a")
+	fail("a")
+	if _, poisoned := k.Poisoned(true); poisoned {
+		t.Error("poisoned after two failures")
+	}
+	fail("a")
+	if _, poisoned := k.Poisoned(false); poisoned {
+		t.Error("one worker of several poisons")
+	}
+	if p, poisoned := k.Poisoned(true); !poisoned || p.Evidence != "by a" {
+		t.Errorf("the only worker failed three times: %+v", p)
+	}
+	fail("b")
+	k.Grant("c", 1, true, at(0))
+	k.Expire(at(1))
+	k.Expire(at(5))
+	for _, e := range k.Expire(at(10)) {
+		if _, poisoned := k.Poisoned(false); poisoned {
+			t.Error("a lease that ran out counts as a loss")
+		}
+		k.NoteLost(e.Task, e.Worker)
+	}
+	if p, poisoned := k.Poisoned(false); !poisoned || p.Workers != 3 {
+		t.Errorf("two failures and a loss: %+v", p)
+	}
+}
+
+func TestStragglersRunTwice(t *testing.T) {
+	k := table(2)
+	refs := k.Grant("slow", 2, false, at(0))
+	k.Done(refs[0].Task, at(2))
+	for second := 1; second <= 40; second++ {
+		k.Renew(refs[1], "slow", 0.1, at(second))
+	}
+	if got := k.Grant("fast", 1, false, at(9)); len(got) != 0 {
+		t.Errorf("copied %v before a time to live", got)
+	}
+	if got := k.Grant("slow", 1, false, at(40)); len(got) != 0 {
+		t.Error("copied to its own holder")
+	}
+	copied := k.Grant("fast", 1, false, at(40))
+	if len(copied) != 1 || !k.Held(refs[1], "slow") {
+		t.Fatalf("copied %v", copied)
+	}
+	if got := k.Grant("third", 1, false, at(40)); len(got) != 0 {
+		t.Error("copied twice")
+	}
+	k.Done(copied[0].Task, at(41))
+	if k.Open() != 0 || k.Renew(refs[1], "slow", 1, at(41)) {
+		t.Error("a done task is alive")
+	}
+}

@@ -1,0 +1,131 @@
+"""bin/metrofarm render: statistics, repeatability, interruption."""
+
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from farm import METROFARM, SCENES, run
+
+CORNELL = SCENES / "cornell-box" / "scene.xml"
+SMALL = ["--width", "32", "--height", "32", "--seed", "5"]
+# Names that scripts rely on.
+KEYS = {
+    "integrator",
+    "seed",
+    "width",
+    "height",
+    "mutations",
+    "path_evaluations",
+    "rays",
+    "rounds",
+    "cpu_seconds",
+    "wall_seconds",
+    "load_seconds",
+    "b",
+    "b_standard_error",
+    "acceptance",
+    "rel_mse_estimate",
+    "anomalies",
+    "film_sha256",
+    "plan",
+}
+BUDGETS = {"path": ["--spp", "32"], "pssmlt": ["--mutations-per-pixel", "64"]}
+
+
+def render(folder: Path, *flags: str) -> dict[str, Any]:
+    """Renders the Cornell box and returns the statistics."""
+    stats = folder / "stats.json"
+    done = run("render", CORNELL, "-o", folder / "out.exr", "--stats", stats, *SMALL, *flags)
+    assert done.returncode == 0, done.stderr
+    return dict(json.loads(stats.read_text()))
+
+
+@pytest.mark.parametrize("integrator", BUDGETS)
+def test_statistics_are_complete(integrator: str, tmp_path: Path) -> None:
+    stats = render(tmp_path, "--integrator", integrator, *BUDGETS[integrator])
+    assert stats.keys() >= KEYS
+    assert (stats["width"], stats["height"], stats["seed"]) == (32, 32, 5)
+    assert stats["integrator"] == integrator
+    assert stats["anomalies"] == {}
+    assert stats["b"] > 0
+    assert stats["rays"] >= stats["path_evaluations"] > 0
+    estimate = stats["rel_mse_estimate"]
+    assert 0 < estimate["low"] <= estimate["value"] <= estimate["high"]
+    if integrator == "pssmlt":
+        assert 0 < stats["acceptance"]["large"] < stats["acceptance"]["small"] < 1
+
+
+@pytest.mark.parametrize("integrator", BUDGETS)
+def test_images_repeat(integrator: str, tmp_path: Path) -> None:
+    flags = ["--integrator", integrator]
+    first = render(tmp_path, *flags, *BUDGETS[integrator])
+    same = render(tmp_path, *flags, *BUDGETS[integrator], "--workers", "2", "--threads", "1")
+    assert same["film_sha256"] == first["film_sha256"]
+
+    by_rounds = render(tmp_path, *flags, "--rounds", str(first["rounds"]), *BUDGETS[integrator])
+    assert by_rounds["film_sha256"] == first["film_sha256"]
+
+    resolved = tmp_path / "resolved.json"
+    resolved.write_text(json.dumps(first["resolved_spec"]))
+    repeated = render(tmp_path, "--resolved", str(resolved), "--rounds", str(first["rounds"]))
+    assert repeated["film_sha256"] == first["film_sha256"]
+
+    other = render(tmp_path, *flags, *BUDGETS[integrator], "--seed", "6")
+    assert other["film_sha256"] != first["film_sha256"]
+
+
+def test_defaults_of_the_scene_can_be_set(tmp_path: Path) -> None:
+    done = run(
+        *("render", CORNELL, "-o", tmp_path / "out.exr", "--stats", tmp_path / "stats.json"),
+        *("--set", "resx=24", "--set", "resy=16", "--integrator", "path", "--spp", "4"),
+    )
+    assert done.returncode == 0, done.stderr
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    assert (stats["width"], stats["height"]) == (24, 16)
+
+
+def start_endless(folder: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [
+            *(str(METROFARM), "render", str(CORNELL), "-o", str(folder / "out.exr")),
+            *("--integrator", "pssmlt", "--mutations-per-pixel", "100000000", "--verbose", *SMALL),
+            *("--stats", str(folder / "stats.json")),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(4)
+    assert process.poll() is None
+    return process
+
+
+def test_one_interrupt_finishes_the_round_and_writes(tmp_path: Path) -> None:
+    process = start_endless(tmp_path)
+    process.send_signal(signal.SIGINT)
+    _, words = process.communicate(timeout=120)
+    assert process.returncode == 0, words
+    assert (tmp_path / "out.exr").stat().st_size > 0
+    rounds = json.loads((tmp_path / "stats.json").read_text())["rounds"]
+    assert rounds >= 1
+
+
+def test_two_interrupts_abort_and_leave_nothing(tmp_path: Path) -> None:
+    process = start_endless(tmp_path)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode != 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_target_error_and_time_stop(tmp_path: Path) -> None:
+    stats = render(tmp_path, "--integrator", "path", "--target-error", "0.02")
+    assert stats["rel_mse_estimate"]["value"] < 0.02
+    stats = render(tmp_path, "--integrator", "pssmlt", "--time", "2")
+    assert stats["rounds"] >= 1
