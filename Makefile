@@ -8,6 +8,8 @@ export METROFARM_TOOLS := $(CURDIR)/.tools/go
 PYTHON := $(CURDIR)/.tools/python/bin/python
 SETUP := tests/setup/setup.sh
 BENCH_ARGS ?=
+# Names of patches in tests/sabotage; empty: all.
+SABOTAGE ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help build worker services web demo test agreement references bench sabotage stress \
@@ -31,7 +33,7 @@ bench: build setup-bench ## samples per CPU second beside Mitsuba 3; service ove
 	.tools/bench/bin/python tests/bench/bench.py $(BENCH_ARGS)
 
 sabotage: build setup-test ## plant bugs, one at a time; each must turn a test red
-	$(PYTHON) tests/sabotage/run.py
+	$(PYTHON) tests/sabotage/sabotage.py $(SABOTAGE)
 
 format: setup-test ## format all sources
 	@tests/setup/lint.sh format

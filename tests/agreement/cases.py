@@ -63,20 +63,20 @@ class FurnaceCase:
 
 REFERENCE_CASES = [
     ReferenceCase(
-        "cornell-box", 48, 48, 2048, Budget(64, 256, 0.06, 0.10), Budget(1024, 4096, 0.02, 0.04)
+        "cornell-box", 48, 48, 2048, Budget(256, 512, 0.03, 0.08), Budget(1024, 4096, 0.02, 0.04)
     ),
     ReferenceCase(
-        "plates", 64, 48, 2048, Budget(64, 256, 0.06, 0.15), Budget(1024, 4096, 0.02, 0.05)
+        "plates", 64, 48, 2048, Budget(256, 512, 0.05, 0.12), Budget(1024, 4096, 0.02, 0.05)
     ),
     ReferenceCase("ring-caustic", 64, 48, 4096, None, Budget(2048, 8192, 0.06, 0.06)),
     ReferenceCase("glass-caustic", 64, 48, 4096, None, Budget(4096, 8192, 0.10, 0.10)),
-    ReferenceCase("door-ajar", 64, 48, 1024, None, Budget(4096, 16384, 0.20, 0.15)),
+    ReferenceCase("door-ajar", 64, 48, 8192, None, Budget(4096, 16384, 0.20, 0.15)),
     ReferenceCase(
         "shared-cornell-box",
         48,
         48,
         2048,
-        Budget(64, 256, 0.06, 0.10),
+        Budget(256, 512, 0.03, 0.08),
         Budget(1024, 4096, 0.02, 0.04),
     ),
     ReferenceCase(
@@ -84,7 +84,7 @@ REFERENCE_CASES = [
         64,
         40,
         2048,
-        Budget(64, 256, 0.06, 0.15),
+        Budget(256, 512, 0.05, 0.12),
         Budget(1024, 4096, 0.02, 0.05),
     ),
     ReferenceCase(
@@ -92,11 +92,11 @@ REFERENCE_CASES = [
         48,
         48,
         2048,
-        Budget(64, 256, 0.06, 0.10),
+        Budget(256, 512, 0.03, 0.08),
         Budget(1024, 4096, 0.02, 0.04),
     ),
     ReferenceCase(
-        "peer-veach-mis", 48, 48, 2048, Budget(64, 256, 0.06, 0.15), Budget(1024, 4096, 0.02, 0.05)
+        "peer-veach-mis", 48, 48, 2048, Budget(256, 512, 0.05, 0.12), Budget(1024, 4096, 0.02, 0.05)
     ),
     ReferenceCase("peer-veach-door", 48, 48, 2048, None, Budget(4096, 16384, 0.20, 0.15)),
 ]

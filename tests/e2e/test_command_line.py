@@ -89,11 +89,12 @@ def test_defaults_of_the_scene_can_be_set(tmp_path: Path) -> None:
     assert (stats["width"], stats["height"]) == (24, 16)
 
 
-def start_endless(folder: Path) -> subprocess.Popen[str]:
+def start_endless(folder: Path, side: int) -> subprocess.Popen[str]:
     process = subprocess.Popen(
         [
             *(str(METROFARM), "render", str(CORNELL), "-o", str(folder / "out.exr")),
-            *("--integrator", "pssmlt", "--mutations-per-pixel", "100000000", "--verbose", *SMALL),
+            *("--integrator", "pssmlt", "--mutations-per-pixel", "100000000"),
+            *("--width", str(side), "--height", str(side)),
             *("--stats", str(folder / "stats.json")),
         ],
         stderr=subprocess.PIPE,
@@ -105,7 +106,7 @@ def start_endless(folder: Path) -> subprocess.Popen[str]:
 
 
 def test_one_interrupt_finishes_the_round_and_writes(tmp_path: Path) -> None:
-    process = start_endless(tmp_path)
+    process = start_endless(tmp_path, 32)
     process.send_signal(signal.SIGINT)
     _, words = process.communicate(timeout=120)
     assert process.returncode == 0, words
@@ -115,9 +116,10 @@ def test_one_interrupt_finishes_the_round_and_writes(tmp_path: Path) -> None:
 
 
 def test_two_interrupts_abort_and_leave_nothing(tmp_path: Path) -> None:
-    process = start_endless(tmp_path)
+    # Large, so that the round under way outlasts the second interrupt.
+    process = start_endless(tmp_path, 512)
     process.send_signal(signal.SIGINT)
-    time.sleep(0.3)
+    time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
     assert process.returncode != 0

@@ -2,6 +2,7 @@
 
 import json
 import struct
+import urllib.request
 from typing import Any
 
 from farm import SCENES, Farm, zip_folder
@@ -84,8 +85,6 @@ def test_idempotency_key_submits_once(farm: Farm) -> None:
     document = {"scene": digest, "entry": "scene.xml", **short_job()}
 
     def submit(changed: dict[str, Any]) -> Any:
-        import urllib.request
-
         request = urllib.request.Request(
             farm.url + "/v1/jobs",
             json.dumps({**document, **changed}).encode(),
@@ -134,6 +133,7 @@ def test_service_describes_itself(farm: Farm) -> None:
     assert farm.get("/healthz").status == 200
     assert farm.get("/openapi.json").json()["openapi"].startswith("3.1")
     assert b"metrofarm_" in farm.get("/metrics").body
+    farm.wait(farm.submit(CORNELL, **short_job()))  # by then the worker has said who it is
     workers = farm.get("/v1/workers").json()["workers"]
     assert [worker["name"] for worker in workers] == ["local-1"]
     page = farm.get("/")

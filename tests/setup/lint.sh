@@ -12,7 +12,11 @@ cd "$(dirname "$0")/../.." || exit
 cpp_sources() { find worker -name '*.cpp' -o -name '*.h' | sort; }
 shell_sources() { { echo .ci/run; find tests services deploy -name '*.sh'; } | sort; }
 
-check_cpp() { cpp_sources | xargs clang-format-19 --dry-run --Werror; }
+check_cpp() {
+  local unformatted
+  unformatted=$(cpp_sources | xargs clang-format-19 --dry-run 2>&1 | sed -nE 's/^([^ :]+):[0-9].*/\1/p' | sort -u)
+  [ -z "$unformatted" ] || { echo "not formatted (make format):"; echo "$unformatted"; return 1; }
+}
 
 # clang-tidy needs the flags of every file and the headers that protobuf generates, so it runs after
 # a build. A file that passed is not checked again until it, a header or the checks change.

@@ -73,12 +73,12 @@ make_venv() {
   cp "$requirements" "$dir/installed.txt"
 }
 
-# The wheels keep their programs inside site-packages; .tools/bin is what make puts on PATH.
+# The wheels keep their programs inside site-packages; .tools/bin is what make puts on PATH. The
+# links are relative, so that they hold where .tools itself is a link.
 link_toolchains() {
-  local site
-  site=$(echo "$PWD"/.tools/python/lib/python3*/site-packages)
+  local site program
+  site=../$(cd .tools && echo python/lib/python3*/site-packages)
   mkdir -p .tools/bin
-  local program
   for program in go gofmt; do
     ln -sfn "$site/go/bin/$program" ".tools/bin/$program"
   done

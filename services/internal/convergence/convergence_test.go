@@ -68,10 +68,10 @@ func TestMeasureRatio(t *testing.T) {
 	if os.Getenv("METROFARM_MEASURE") == "" {
 		t.Skip("a measurement: set METROFARM_MEASURE=1")
 	}
-	const repeats = 100
+	const repeats = 20
 	sum, squares, inside := 0.0, 0.0, 0.0
 	for i := range repeats {
-		ratio, in := measure(uint64(i+10), 200)
+		ratio, in := measure(uint64(i+10), 40)
 		l := math.Log(ratio)
 		sum, squares, inside = sum+l/repeats, squares+l*l/repeats, inside+in/repeats
 	}

@@ -2,8 +2,11 @@ package develop
 
 import "metrofarm/services/internal/film"
 
-// smoothRadius of the variance image: a box of 5 x 5 pixels.
-const smoothRadius = 2
+// Half sizes, in pixels, of the boxes that are averaged over.
+const (
+	varianceRadius  = 2 // the variance image: 5 x 5
+	neighbourRadius = 4 // NeighbourMean: 9 x 9
+)
 
 // RGB returns the mean image.
 func (m *Images) RGB() []float32 {
@@ -22,25 +25,51 @@ func (m *Images) VarianceImage() []float32 {
 	for i := range raw {
 		raw[i] = m.Variance(i)
 	}
-	width, height := m.Shape.Width, m.Shape.Height
-	rows := boxAverage(raw, height, width, film.Channels, width*film.Channels)
-	both := boxAverage(rows, width, height, width*film.Channels, film.Channels)
-	out := make([]float32, len(both))
-	for i, v := range both {
+	out := make([]float32, len(raw))
+	for i, v := range m.smooth(raw, varianceRadius) {
 		out[i] = float32(v)
 	}
 	return out
 }
 
+// NeighbourMean returns, for each value, the mean of the 9 x 9 pixels around it without its own: a
+// stand-in for the unknown truth that does not share the value's own error.
+func (m *Images) NeighbourMean() []float64 {
+	width, height := m.Shape.Width, m.Shape.Height
+	mean := make([]float64, len(m.Halves[0]))
+	for i := range mean {
+		mean[i] = m.Mean(i)
+	}
+	out := m.smooth(mean, neighbourRadius)
+	for i := range out {
+		pixel := i / film.Channels
+		if n := reach(pixel%width, width) * reach(pixel/width, height); n > 1 {
+			out[i] = max(0, (out[i]*float64(n)-mean[i])/float64(n-1))
+		}
+	}
+	return out
+}
+
+// reach counts the positions that a box around i covers on an axis of the given length.
+func reach(i, length int) int {
+	return min(length-1, i+neighbourRadius) - max(0, i-neighbourRadius) + 1
+}
+
+func (m *Images) smooth(values []float64, radius int) []float64 {
+	width, height := m.Shape.Width, m.Shape.Height
+	rows := boxAverage(values, radius, height, width, film.Channels, width*film.Channels)
+	return boxAverage(rows, radius, width, height, width*film.Channels, film.Channels)
+}
+
 // boxAverage averages along one axis: length values spaced by step, on lines spaced by lineStep,
 // for each channel.
-func boxAverage(in []float64, lines, length, step, lineStep int) []float64 {
+func boxAverage(in []float64, radius, lines, length, step, lineStep int) []float64 {
 	out := make([]float64, len(in))
 	for line := range lines {
 		for c := range film.Channels {
 			base := line*lineStep + c
 			for i := range length {
-				low, high := max(0, i-smoothRadius), min(length-1, i+smoothRadius)
+				low, high := max(0, i-radius), min(length-1, i+radius)
 				sum := 0.0
 				for k := low; k <= high; k++ {
 					sum += in[base+k*step]

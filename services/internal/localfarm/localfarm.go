@@ -64,12 +64,16 @@ func Start(ctx context.Context, options cli.FarmOptions) (*Farm, error) {
 }
 
 func (f *Farm) start(ctx context.Context) error {
+	// The database first: it holds the folder's lock, and opening the blobs clears what an earlier
+	// process left half written.
+	db, err := bolt.Open(filepath.Join(f.options.DataDir, "metrofarm.db"))
+	if err != nil {
+		return fmt.Errorf("data folder %s (used by another coordinator?): %w", f.options.DataDir, err)
+	}
+	f.db = db
 	blobs, err := blob.Open(filepath.Join(f.options.DataDir, "blobs"))
 	if err != nil {
 		return err
-	}
-	if f.db, err = bolt.Open(filepath.Join(f.options.DataDir, "metrofarm.db")); err != nil {
-		return fmt.Errorf("data folder %s (used by another coordinator?): %w", f.options.DataDir, err)
 	}
 	uploads := filepath.Join(f.options.DataDir, "uploads")
 	if err := errors.Join(os.RemoveAll(uploads), os.MkdirAll(uploads, 0o750)); err != nil {

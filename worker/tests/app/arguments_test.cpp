@@ -53,8 +53,8 @@ TEST(Arguments, AssignmentsSplitAtTheFirstEqualsSign) {
   const auto a = parse({"--set", "spp=4", "--set", "file=a=b", "--set", "empty="});
   const auto values = a.value().assignments("set");
   ASSERT_TRUE(values.ok());
-  EXPECT_EQ(values.value(), (std::map<std::string, std::string>{
-                                {"spp", "4"}, {"file", "a=b"}, {"empty", ""}}));
+  EXPECT_EQ(values.value(),
+            (std::map<std::string, std::string>{{"spp", "4"}, {"file", "a=b"}, {"empty", ""}}));
   EXPECT_FALSE(parse({"--set", "spp"}).value().assignments("set").ok());
   EXPECT_FALSE(parse({"--set", "=4"}).value().assignments("set").ok());
   EXPECT_TRUE(parse({}).value().assignments("set").value().empty());

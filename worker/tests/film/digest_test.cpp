@@ -37,7 +37,9 @@ std::vector<Splat> random_splats(int count) {
   return splats;
 }
 
-Filter gaussian() { return Filter(scene::Film{}); }
+Filter gaussian() {
+  return Filter(scene::Film{});
+}
 
 // Splats everything on `threads` threads and returns the sum of their digests.
 uint64_t splat_all(Film& film, const std::vector<Splat>& splats, int threads) {

@@ -95,18 +95,20 @@ TEST(Splatter, ACoordinateThatRoundsUpToTheEdgeCountsInTheLastPixel) {
 // edges, gets the same sum, the number of splats per pixel area.
 TEST(Splatter, WideFiltersLoseNoEnergyAtTheEdges) {
   constexpr int kSize = 6, kPerAxis = 16;
-  for (const Filter& filter : {filter_of(ReconstructionFilter::kTent, 1),
-                               filter_of(ReconstructionFilter::kGaussian, 2),
-                               filter_of(ReconstructionFilter::kGaussian, 3.5),
-                               filter_of(ReconstructionFilter::kBox, 1.25)}) {
+  for (const Filter& filter :
+       {filter_of(ReconstructionFilter::kTent, 1), filter_of(ReconstructionFilter::kGaussian, 2),
+        filter_of(ReconstructionFilter::kGaussian, 3.5),
+        filter_of(ReconstructionFilter::kBox, 1.25)}) {
     Film film({kSize, kSize, 1});
     Splatter splatter(film, filter);
     const int across = (kSize + 2 * filter.border()) * kPerAxis;
     const float rgb[3] = {1, 2, 3};
     for (int j = 0; j < across; ++j) {
       for (int i = 0; i < across; ++i) {
-        const float x = (static_cast<float>(i) + 0.5F) / kPerAxis - static_cast<float>(filter.border());
-        const float y = (static_cast<float>(j) + 0.5F) / kPerAxis - static_cast<float>(filter.border());
+        const float x =
+            (static_cast<float>(i) + 0.5F) / kPerAxis - static_cast<float>(filter.border());
+        const float y =
+            (static_cast<float>(j) + 0.5F) / kPerAxis - static_cast<float>(filter.border());
         splatter.splat({}, x, y, rgb, mix64(i * 4096 + j));
       }
     }

@@ -55,15 +55,14 @@ TEST_P(FilterTest, IsSymmetric) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Filters, FilterTest,
-    testing::Values(film_with(ReconstructionFilter::kBox, 0.5),
-                    film_with(ReconstructionFilter::kBox, 1.7),
-                    film_with(ReconstructionFilter::kTent, 1),
-                    film_with(ReconstructionFilter::kTent, 2.5),
-                    film_with(ReconstructionFilter::kGaussian, 2, 0.5),
-                    film_with(ReconstructionFilter::kGaussian, 4, 1.3),
-                    film_with(ReconstructionFilter::kGaussian, 0.8, 0.5)));
+INSTANTIATE_TEST_SUITE_P(Filters, FilterTest,
+                         testing::Values(film_with(ReconstructionFilter::kBox, 0.5),
+                                         film_with(ReconstructionFilter::kBox, 1.7),
+                                         film_with(ReconstructionFilter::kTent, 1),
+                                         film_with(ReconstructionFilter::kTent, 2.5),
+                                         film_with(ReconstructionFilter::kGaussian, 2, 0.5),
+                                         film_with(ReconstructionFilter::kGaussian, 4, 1.3),
+                                         film_with(ReconstructionFilter::kGaussian, 0.8, 0.5)));
 
 TEST(Filter, OnlyTheBoxOfOnePixelNeedsNoBorder) {
   EXPECT_TRUE(Filter(film_with(ReconstructionFilter::kBox, 0.5)).is_pixel_box());

@@ -27,9 +27,8 @@ constexpr KnownAnswer kKnownAnswers[] = {
 
 TEST(Philox, GivesTheKnownAnswersInEveryLane) {
   for (const KnownAnswer& k : kKnownAnswers) {
-    const RngWords words =
-        philox(k.key, {UInt(k.counter[0]), UInt(k.counter[1]), UInt(k.counter[2]),
-                       UInt(k.counter[3])});
+    const RngWords words = philox(
+        k.key, {UInt(k.counter[0]), UInt(k.counter[1]), UInt(k.counter[2]), UInt(k.counter[3])});
     for (int w = 0; w < 4; ++w)
       for (int lane = 0; lane < kLanes; ++lane) EXPECT_EQ(lane_word(words[w], lane), k.words[w]);
   }

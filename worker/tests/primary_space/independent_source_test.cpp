@@ -58,7 +58,8 @@ TEST(IndependentSource, ReadPairsAreExactlyWhatALaneHasRead) {
 TEST(IndependentSource, IndicesBeyond32BitsAreOtherSamples) {
   IndependentSource source(kKey);
   std::set<float> seen;
-  for (uint64_t first : {uint64_t{0}, uint64_t{1} << 32, (uint64_t{1} << 32) - 8, uint64_t{5} << 40}) {
+  for (uint64_t first :
+       {uint64_t{0}, uint64_t{1} << 32, (uint64_t{1} << 32) - 8, uint64_t{5} << 40}) {
     source.begin(first);
     for (float v : lanes_of(source.pair(0, all_lanes()).first)) seen.insert(v);
   }

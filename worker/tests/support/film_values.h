@@ -38,7 +38,9 @@ inline std::vector<int64_t> low_plane(const film::Film& film, int plane) {
 
 inline std::vector<int64_t> all_values(const film::Film& film) {
   std::vector<int64_t> out;
-  const auto append = [&](const std::vector<int64_t>& v) { out.insert(out.end(), v.begin(), v.end()); };
+  const auto append = [&](const std::vector<int64_t>& v) {
+    out.insert(out.end(), v.begin(), v.end());
+  };
   for (int p = 0; p < film.shape().full_planes(); ++p) append(full_plane(film, p));
   for (int p = 0; p < film.shape().low_planes(); ++p) append(low_plane(film, p));
   return out;

@@ -41,22 +41,38 @@ inline Lanes lanes_of(Float f) {
   return out;
 }
 
-inline Float from_lanes(const Lanes& values) { return Float::load_unaligned(values.data()); }
+inline Float from_lanes(const Lanes& values) {
+  return Float::load_unaligned(values.data());
+}
 
-inline bool lane_set(Mask m, int lane) { return (bits(m) >> lane & 1U) != 0; }
+inline bool lane_set(Mask m, int lane) {
+  return (bits(m) >> lane & 1U) != 0;
+}
 
 struct Double3 {
   double x = 0, y = 0, z = 0;
 };
-inline Double3 operator+(Double3 a, Double3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Double3 operator-(Double3 a, Double3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Double3 operator*(Double3 a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-inline double dot(Double3 a, Double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Double3 operator+(Double3 a, Double3 b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+inline Double3 operator-(Double3 a, Double3 b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+inline Double3 operator*(Double3 a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+inline double dot(Double3 a, Double3 b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 inline Double3 cross(Double3 a, Double3 b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline double length(Double3 a) { return std::sqrt(dot(a, a)); }
-inline Double3 normalize(Double3 a) { return a * (1 / length(a)); }
+inline double length(Double3 a) {
+  return std::sqrt(dot(a, a));
+}
+inline Double3 normalize(Double3 a) {
+  return a * (1 / length(a));
+}
 
 inline Double3 lane_of(const Vec3& v, int lane) {
   return {lane_value(v.x, lane), lane_value(v.y, lane), lane_value(v.z, lane)};

@@ -76,9 +76,13 @@ double chi_square_p(double statistic, int degrees) {
   return x < a + 1 ? gamma_q_series(a, x) : gamma_q_fraction(a, x);
 }
 
-double normal_p(double z) { return std::erfc(std::fabs(z) / std::sqrt(2.0)); }
+double normal_p(double z) {
+  return std::erfc(std::fabs(z) / std::sqrt(2.0));
+}
 
-double sidak(double rate, int tests) { return -std::expm1(std::log1p(-rate) / tests); }
+double sidak(double rate, int tests) {
+  return -std::expm1(std::log1p(-rate) / tests);
+}
 
 ChiSquare chi_square(std::span<const double> observed, std::span<const double> expected) {
   const std::vector<Cell> cells = pooled(observed, expected);

@@ -1,5 +1,5 @@
-// The statistical instruments of the tests: chi-square, z and Welch tests that answer with a p-value
-// or, given a false-alarm rate, with an AssertionResult.
+// The statistical instruments of the tests: chi-square, z and Welch tests that answer with a
+// p-value or, given a false-alarm rate, with an AssertionResult.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,0 +1,150 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "emitter/light_table.h"
+#include "tests/support/lane_tools.h"
+#include "tests/support/scenes.h"
+#include "tests/support/statistics.h"
+
+namespace metrofarm::emitter {
+namespace {
+
+using test::lane_of;
+using test::SceneBuilder;
+
+struct Lights {
+  explicit Lights(SceneBuilder& builder)
+      : scene(builder.take()),
+        primitives(geometry::build_primitives(scene)),
+        table(scene, primitives) {}
+  LightSample sample(const Vec3& reference, Float choice, Vec2 u) const {
+    return table.sample(reference, choice, u, all_lanes());
+  }
+
+  scene::SceneDescription scene;
+  geometry::Primitives primitives;
+  LightTable table;
+};
+
+constexpr double kPiDouble = std::numbers::pi;
+
+// H0: lights are picked in proportion to their power. 80,000 picks of five lights, rate 1e-6.
+TEST(LightTable, PicksAreProportionalToPower) {
+  SceneBuilder b;
+  const scene::Index grey = b.diffuse(0.5F);
+  b.shape(scene::Sphere{{10, 0, 0}, 0.5}, grey, b.area_light(2));
+  b.shape(test::quad({-10, -1, -1}, {0, 2, 0}, {0, 0, 2}), grey, b.area_light(3));
+  b.shape(test::disk({0, 0, 10}, 1.5, true), grey, b.area_light(0.5F));
+  b.emitter(scene::PointEmitter{{0, 10, 0}, {1.5F, 1.5F, 1.5F}});
+  b.emitter(scene::PointEmitter{{0, -10, 0}, {0.25F, 0.25F, 0.25F}});
+  const Lights lights(b);
+  const double power[5] = {kPiDouble * 2 * kPiDouble, kPiDouble * 3 * 4,
+                           kPiDouble * 0.5 * 2.25 * kPiDouble, 4 * kPiDouble * 1.5, kPiDouble};
+  std::vector<double> observed(5), expected(5);
+  for (int i = 0; i < 5; ++i)
+    expected[i] = 80000 * power[i] / (power[0] + power[1] + power[2] + power[3] + power[4]);
+  test::UniformLanes random(1);
+  for (int i = 0; i < 10000; ++i) {
+    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const auto d = lane_of(s.direction, lane);
+      const int which = d.x > 0.8 ? 0 : d.x < -0.8 ? 1 : d.z > 0.8 ? 2 : d.y > 0.8 ? 3 : 4;
+      ++observed[which];
+    }
+  }
+  EXPECT_TRUE(test::follows(observed, expected, 1e-6));
+}
+
+TEST(LightTable, APointLightFallsOffWithTheSquareOfTheDistance) {
+  SceneBuilder b;
+  b.emitter(scene::PointEmitter{{1, 2, 3}, {4, 5, 6}});
+  const Lights lights(b);
+  for (float distance : {0.01F, 1.F, 700.F}) {
+    const LightSample s =
+        lights.sample(splat(1 + distance, 2, 3), Float(0.5F), {Float(0.5F), Float(0.5F)});
+    EXPECT_TRUE(all(s.valid & s.delta));
+    EXPECT_NEAR(lane_value(s.value.y, 0) * distance * distance / 5, 1, 1e-4);
+    EXPECT_NEAR(lane_value(s.distance, 0) / distance, 1, 1e-4);
+    EXPECT_NEAR(lane_value(s.direction.x, 0), -1, 1e-6);
+  }
+}
+
+TEST(LightTable, OneSideOfAnAreaLightIsDark) {
+  for (bool flip : {false, true}) {
+    SceneBuilder b;
+    b.shape(test::quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}), b.diffuse(0.5F), b.area_light(1), flip);
+    const Lights lights(b);
+    const Vec2 middle{Float(0.5F), Float(0.5F)};
+    const LightSample above = lights.sample(splat(0, 0, 1), Float(0.5F), middle);
+    const LightSample below = lights.sample(splat(0, 0, -1), Float(0.5F), middle);
+    EXPECT_EQ(all(above.valid), !flip);
+    EXPECT_EQ(all(below.valid), flip);
+    EXPECT_EQ(lane_value(above.value.x, 0) > 0, !flip);
+  }
+}
+
+// Light arriving at the center of a hemisphere-filling quad is its solid angle: E[value] over
+// samples is the integral of radiance. H0: mean = radiance x solid angle; 80,000 samples, rate
+// 1e-6.
+TEST(LightTable, ValuesIntegrateToTheSolidAngle) {
+  SceneBuilder b;
+  b.shape(test::quad({-1, -1, -1}, {2, 0, 0}, {0, 2, 0}), b.diffuse(0.5F), b.area_light(3));
+  const Lights lights(b);
+  test::UniformLanes random(2);
+  test::Moments mean;
+  for (int i = 0; i < 10000; ++i) {
+    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    for (float v : test::lanes_of(s.value.x)) mean.add(v);
+  }
+  // A face of a cube seen from its center fills a sixth of the sphere.
+  EXPECT_TRUE(test::has_mean(mean, 3 * 4 * kPiDouble / 6, 1e-6, 1e-4));
+}
+
+TEST(LightTable, EnvironmentsAddUp) {
+  SceneBuilder b;
+  b.emitter(scene::ConstantEmitter{{1, 2, 3}});
+  b.emitter(scene::ConstantEmitter{{0.5F, 0.5F, 0.5F}});
+  const Lights lights(b);
+  EXPECT_TRUE(lights.table.has_environment());
+  EXPECT_FLOAT_EQ(lane_value(lights.table.environment().y, 0), 2.5F);
+  EXPECT_NEAR(lane_value(lights.table.environment_pdf(), 0), 1 / (4 * kPiDouble), 1e-7);
+}
+
+TEST(LightTable, ASceneWithoutLightIsEmpty) {
+  SceneBuilder b;
+  b.shape(scene::Sphere{}, b.diffuse(0.5F), b.area_light(0));
+  EXPECT_TRUE(Lights(b).table.empty());
+}
+
+TEST(LightTable, ALightOfOneColourIsChosenToo) {
+  SceneBuilder b;
+  const scene::Index grey = b.diffuse(0.5F);
+  b.shape(scene::Sphere{{5, 0, 0}, 1}, grey, b.area_light(1));
+  b.shape(scene::Sphere{{-5, 0, 0}, 1}, grey, b.emitter(scene::AreaEmitter{{0, 0, 1}}));
+  const Lights lights(b);
+  test::UniformLanes random(3);
+  int blue = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    for (float x : test::lanes_of(s.direction.x)) blue += x < 0 ? 1 : 0;
+  }
+  // Its luminance is 7 % of the white one's.
+  EXPECT_GT(blue, 8000 * 0.04);
+  EXPECT_LT(blue, 8000 * 0.1);
+}
+
+TEST(LightTable, ExtremeChoicesPickALight) {
+  SceneBuilder b;
+  const scene::Index grey = b.diffuse(0.5F);
+  for (int i = 0; i < 37; ++i)
+    b.shape(test::disk({double(i), 0, 10}, 0.3, true), grey, b.area_light(1 + 0.01F * i));
+  const Lights lights(b);
+  for (float choice : {0.F, 0x1p-24F, 0.5F, kOneMinusEpsilon}) {
+    const LightSample s = lights.sample(splat(10, 0, 0), Float(choice), {Float(0.5F), Float(0.5F)});
+    EXPECT_TRUE(all(s.valid)) << choice;
+  }
+}
+
+}  // namespace
+}  // namespace metrofarm::emitter

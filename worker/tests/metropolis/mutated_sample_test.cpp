@@ -1,0 +1,139 @@
+#include "metropolis/mutated_sample.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/histogram.h"
+#include "tests/support/lane_tools.h"
+#include "tests/support/statistics.h"
+
+namespace metrofarm::metropolis {
+namespace {
+
+using primary_space::Pair;
+using primary_space::StoredPair;
+using test::lanes_of;
+
+const RngKey kKey = rng_key(7, RngDomain::kChain);
+
+UInt chains_from(uint32_t first) {
+  return UInt(first) + as_uint(Int(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)));
+}
+
+MutatedSample make(uint32_t first_chain = 0) {
+  return {kKey, chains_from(first_chain), Kernel{}};
+}
+
+void run_iteration(MutatedSample& sample, uint64_t iteration, Mask large, Mask accepted) {
+  sample.begin(iteration);
+  sample.set_large(large);
+  sample.pair(0, all_lanes());
+  sample.pair(5, mask_from_bits(0x0f));
+  sample.finish(accepted);
+}
+
+TEST(MutatedSample, KeepsExactlyThePairsThatTheAcceptedStateRead) {
+  MutatedSample sample = make();
+  run_iteration(sample, 0, all_lanes(), mask_from_bits(0b00010001));
+  EXPECT_EQ(sample.stored(0).size(), 2U);
+  EXPECT_EQ(sample.stored(1).size(), 0U);
+  ASSERT_EQ(sample.stored(4).size(), 1U);
+  EXPECT_EQ(sample.stored(4)[0].slot, 0);
+  // The next state of lane 0 reads less: what it doesn't read is forgotten.
+  sample.begin(1);
+  sample.set_large(no_lanes());
+  sample.pair(0, all_lanes());
+  sample.finish(all_lanes());
+  EXPECT_EQ(sample.stored(0).size(), 1U);
+}
+
+TEST(MutatedSample, ARejectedProposalLeavesTheStateAlone) {
+  MutatedSample sample = make();
+  run_iteration(sample, 0, all_lanes(), all_lanes());
+  const std::vector<StoredPair> before = sample.stored(2);
+  run_iteration(sample, 1, no_lanes(), no_lanes());
+  const std::vector<StoredPair> after = sample.stored(2);
+  ASSERT_EQ(before.size(), after.size());
+  for (size_t i = 0; i < before.size(); ++i) {
+    EXPECT_EQ(before[i].first, after[i].first);
+    EXPECT_EQ(before[i].second, after[i].second);
+  }
+}
+
+TEST(MutatedSample, AnswersTheSameHoweverOftenAndByWhomAsked) {
+  MutatedSample sample = make();
+  run_iteration(sample, 0, all_lanes(), all_lanes());
+  sample.begin(1);
+  sample.set_large(mask_from_bits(0x33));
+  const Pair one_lane = sample.pair(5, mask_from_bits(1));
+  const Pair all = sample.pair(5, all_lanes());
+  EXPECT_EQ(lanes_of(one_lane.first), lanes_of(all.first));
+  EXPECT_EQ(lanes_of(one_lane.second), lanes_of(all.second));
+}
+
+TEST(MutatedSample, SmallStepsStayNearAndLargeStepsDoNot) {
+  MutatedSample sample = make();
+  run_iteration(sample, 0, all_lanes(), all_lanes());
+  const auto before = sample.stored(0);
+  sample.begin(1);
+  sample.set_large(no_lanes());
+  sample.pair(0, all_lanes());
+  const auto proposed = sample.read_pairs(0);
+  ASSERT_EQ(proposed.size(), 1U);
+  const auto moved = static_cast<int32_t>(proposed[0].first - before[0].first);
+  EXPECT_LE(std::abs(moved * 0x1p-32), Kernel{}.s2);
+  EXPECT_NE(moved, 0);
+}
+
+TEST(MutatedSample, AStateRestoredGoesOnAlike) {
+  MutatedSample one = make(40);
+  for (uint64_t i = 0; i < 20; ++i)
+    run_iteration(one, i, mask_from_bits(static_cast<uint32_t>(i * 37)), mask_from_bits(0x5a));
+  MutatedSample two = make(40);
+  for (int lane = 0; lane < kLanes; ++lane) two.restore(lane, one.stored(lane));
+  for (MutatedSample* s : {&one, &two}) {
+    s->begin(20);
+    s->set_large(mask_from_bits(0x0f));
+  }
+  for (int slot : {0, 5, 9}) {
+    const Pair a = one.pair(slot, all_lanes()), b = two.pair(slot, all_lanes());
+    EXPECT_EQ(lanes_of(a.first), lanes_of(b.first)) << "slot " << slot;
+    EXPECT_EQ(lanes_of(a.second), lanes_of(b.second)) << "slot " << slot;
+  }
+}
+
+TEST(MutatedSample, ChainsDifferAndALaneDoesNotMatter) {
+  MutatedSample a = make(0), b = make(3);
+  for (MutatedSample* s : {&a, &b}) {
+    s->begin(12345678901ULL);
+    s->set_large(all_lanes());
+  }
+  const auto from_a = lanes_of(a.pair(4, all_lanes()).first);
+  const auto from_b = lanes_of(b.pair(4, all_lanes()).first);
+  for (int lane = 0; lane < 5; ++lane) EXPECT_EQ(from_a[lane + 3], from_b[lane]);
+  EXPECT_NE(from_a[0], from_a[1]);
+}
+
+// H0: coins and fresh pairs are uniform and independent of each other: the large-step coin against
+// the acceptance coin, and the coin against a coordinate. 320,000 draws each, rate 1e-5 each.
+TEST(MutatedSample, CoinsAreUniformAndIndependent) {
+  MutatedSample sample = make();
+  test::Histogram coins(20, 20), against_pair(20, 20), expected(20, 20);
+  constexpr int kIterations = 40000;
+  for (int i = 0; i < kIterations; ++i) {
+    const Coins c = sample.begin(i);
+    sample.set_large(all_lanes());
+    const Pair p = sample.pair(0, all_lanes());
+    sample.finish(no_lanes());
+    for (int lane = 0; lane < kLanes; ++lane) {
+      coins.add(lane_value(c.large, lane), lane_value(c.acceptance, lane));
+      against_pair.add(lane_value(c.acceptance, lane), lane_value(p.first, lane));
+    }
+  }
+  for (int x = 0; x < 20; ++x)
+    for (int y = 0; y < 20; ++y) expected.add_to(x, y, kIterations * kLanes / 400.0);
+  EXPECT_TRUE(test::follows(coins.counts(), expected.counts(), 1e-5));
+  EXPECT_TRUE(test::follows(against_pair.counts(), expected.counts(), 1e-5));
+}
+
+}  // namespace
+}  // namespace metrofarm::metropolis

@@ -1,0 +1,159 @@
+#include "rpc/convert.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/room.h"
+
+namespace metrofarm::rpc {
+namespace {
+
+using job::v1::ResolvedSpec;
+
+ResolvedSpec good_spec() {
+  ResolvedSpec s;
+  s.set_integrator(job::v1::INTEGRATOR_PSSMLT);
+  s.set_light_sampling(job::v1::LIGHT_SAMPLING_EMITTER);
+  s.set_max_depth(7);
+  s.set_rr_depth(4);
+  s.set_width(320);
+  s.set_height(200);
+  s.set_seed(99);
+  s.set_group_size(64);
+  s.mutable_kernel()->set_kind(job::v1::KERNEL_KIND_GAUSSIAN);
+  s.mutable_kernel()->set_sigma(0.02);
+  s.mutable_kernel()->set_large_step_probability(0.25);
+  s.set_unit(0.125);
+  s.set_blocks_per_segment(9);
+  return s;
+}
+
+// The error for a spec with one thing changed.
+template <class Change>
+std::string error_after(Change&& change) {
+  ResolvedSpec s = good_spec();
+  change(s);
+  const auto spec = to_spec(s, test::room());
+  return spec.ok() ? "" : spec.error().to_string();
+}
+
+TEST(ToSpec, TakesEveryField) {
+  scene::SceneDescription scene = test::room();
+  scene.integrator.hide_emitters = true;
+  const auto spec = to_spec(good_spec(), scene);
+  ASSERT_TRUE(spec.ok()) << spec.error().to_string();
+  const work_unit::Spec& s = spec.value();
+  EXPECT_EQ(s.integrator, work_unit::Integrator::kPssmlt);
+  EXPECT_EQ(s.path.light_sampling, transport::LightSampling::kEmitter);
+  EXPECT_EQ(s.path.max_depth, 7);
+  EXPECT_EQ(s.path.rr_depth, 4);
+  EXPECT_TRUE(s.path.hide_emitters);
+  EXPECT_EQ(s.width, 320);
+  EXPECT_EQ(s.height, 200);
+  EXPECT_EQ(s.seed, 99U);
+  EXPECT_EQ(s.kernel.kind, metropolis::KernelKind::kGaussian);
+  EXPECT_EQ(s.kernel.sigma, 0.02);
+  EXPECT_EQ(s.kernel.large_step_probability, 0.25);
+  EXPECT_EQ(s.unit, 0.125);
+  EXPECT_EQ(s.blocks_per_segment, 9U);
+}
+
+TEST(ToSpec, NamesWhatItCannotServe) {
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.clear_integrator(); }).find("integrator"),
+            std::string::npos);
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.clear_light_sampling(); }).find("light_sampling"),
+            std::string::npos);
+  EXPECT_NE(
+      error_after([](ResolvedSpec& s) { s.mutable_kernel()->clear_kind(); }).find("kernel.kind"),
+      std::string::npos);
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.set_group_size(32); }).find("group_size"),
+            std::string::npos);
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.set_width(4000000000U); }).find("width"),
+            std::string::npos);
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.set_max_depth(-5); }).find("max_depth"),
+            std::string::npos);
+  EXPECT_NE(error_after([](ResolvedSpec& s) { s.mutable_kernel()->set_sigma(3); }).find("sigma"),
+            std::string::npos);
+}
+
+TEST(ToSpec, PathTracingNeedsNoKernel) {
+  EXPECT_EQ(error_after([](ResolvedSpec& s) {
+              s.set_integrator(job::v1::INTEGRATOR_PATH);
+              s.clear_kernel();
+            }),
+            "");
+}
+
+TEST(ToSpec, AFilterThatIsTooWideIsTheScenesError) {
+  scene::SceneDescription scene = test::room();
+  scene.film.filter_radius = 30;
+  scene.film.where = {"scene.xml", 12};
+  const auto spec = to_spec(good_spec(), scene);
+  ASSERT_FALSE(spec.ok());
+  EXPECT_EQ(spec.error().to_string().substr(0, 13), "scene.xml:12:");
+}
+
+TEST(ToReport, CountsWhatIsThere) {
+  scene::SceneDescription description = test::room();
+  description.warnings.push_back({"odd", {"scene.xml", 3}});
+  const transport::Scene scene(std::move(description), "avx2");
+  const auto report = to_report(scene, {1.5, 0.25});
+  EXPECT_EQ(report.width(), 16U);
+  EXPECT_EQ(report.filter(), metrofarm::scene::v1::FILTER_BOX);
+  EXPECT_EQ(report.filter_radius(), 0.5);
+  EXPECT_EQ(report.triangles(), 16U);
+  EXPECT_EQ(report.analytic_shapes(), 3U);
+  EXPECT_EQ(report.emitters().at("area"), 2U);
+  EXPECT_EQ(report.emitters().at("point"), 1U);
+  EXPECT_EQ(report.bsdfs().at("diffuse"), 2U);
+  EXPECT_EQ(report.bsdfs().at("twosided"), 1U);
+  EXPECT_EQ(report.load_seconds(), 1.5);
+  ASSERT_EQ(report.warnings_size(), 1);
+  EXPECT_EQ(report.warnings(0), "scene.xml:3: odd");
+  EXPECT_GT(report.memory_bytes(), 0U);
+}
+
+// The report comes before any spec: what the worker cannot serve must not end it.
+TEST(ToReport, SurvivesAFilterThatIsTooWide) {
+  scene::SceneDescription description = test::room();
+  description.film.filter = scene::ReconstructionFilter::kTent;
+  description.film.filter_radius = 30;
+  const transport::Scene scene(std::move(description), "avx2");
+  EXPECT_EXIT(
+      {
+        to_report(scene, {});
+        std::exit(0);
+      },
+      testing::ExitedWithCode(0), "");
+}
+
+TEST(FillCounts, TakesEveryCount) {
+  work_unit::SegmentOutput output;
+  output.counts = {1, 2, 3, 4, 5, 6, 7};
+  output.anomalies.count(diagnostics::AnomalyKind::kNegative);
+  work::v1::SegmentCounts counts;
+  fill_counts(output, counts);
+  EXPECT_EQ(counts.mutations(), 1U);
+  EXPECT_EQ(counts.path_evaluations(), 2U);
+  EXPECT_EQ(counts.rays(), 3U);
+  EXPECT_EQ(counts.large_steps(), 4U);
+  EXPECT_EQ(counts.large_accepted(), 5U);
+  EXPECT_EQ(counts.small_steps(), 6U);
+  EXPECT_EQ(counts.small_accepted(), 7U);
+  ASSERT_EQ(counts.anomalies_size(), 5);
+  EXPECT_EQ(counts.anomalies(work::v1::ANOMALY_KIND_NEGATIVE), 1U);
+}
+
+TEST(FillAnomaly, KeepsKindPlaceAndSample) {
+  work::v1::Anomaly out;
+  fill_anomaly({{diagnostics::AnomalyKind::kInfinite, diagnostics::Place::kEmitterSample, 4, 1},
+                {7, 8, 0, 9}},
+               out);
+  EXPECT_EQ(out.kind(), work::v1::ANOMALY_KIND_INFINITE);
+  EXPECT_EQ(out.place(), "emitter_sample");
+  EXPECT_EQ(out.depth(), 4U);
+  ASSERT_EQ(out.primary_sample_size(), 4);
+  EXPECT_EQ(out.primary_sample(3), 9U);
+}
+
+}  // namespace
+}  // namespace metrofarm::rpc

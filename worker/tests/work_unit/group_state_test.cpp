@@ -1,0 +1,103 @@
+#include "work_unit/group_state.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace metrofarm::work_unit {
+namespace {
+
+GroupState random_state(uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<float> uniform(0.01F, 10);
+  GroupState state;
+  for (PackState& pack : state) {
+    pack.chains.iteration = random();
+    pack.chains.serial = random();
+    for (int lane = 0; lane < kLanes; ++lane) {
+      pack.chains.f[lane] = uniform(random);
+      pack.chains.sums[lane] = {random(), double(uniform(random)), double(uniform(random))};
+      pack.payload[lane] = {
+          uniform(random), uniform(random), {uniform(random), uniform(random), uniform(random)}};
+      for (uint64_t i = random() % 20; i > 0; --i)
+        pack.pairs[lane].push_back({static_cast<int>(random() % primary_space::kSlotCount),
+                                    static_cast<uint32_t>(random()),
+                                    static_cast<uint32_t>(random())});
+    }
+  }
+  return state;
+}
+
+TEST(GroupState, SurvivesTheRoundTrip) {
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const GroupState state = random_state(seed);
+    const std::string bytes = serialize(state);
+    const auto parsed = parse_group_state(bytes);
+    ASSERT_TRUE(parsed.ok());
+    EXPECT_EQ(serialize(parsed.value()), bytes);
+    EXPECT_EQ(parsed.value()[3].chains.iteration, state[3].chains.iteration);
+    EXPECT_EQ(parsed.value()[7].payload[5].rgb[2], state[7].payload[5].rgb[2]);
+    ASSERT_EQ(parsed.value()[1].pairs[2].size(), state[1].pairs[2].size());
+  }
+}
+
+TEST(GroupState, EveryTruncationAndEverySurplusIsRefused) {
+  const std::string bytes = serialize(random_state(1));
+  for (size_t length = 0; length < bytes.size(); ++length)
+    EXPECT_FALSE(parse_group_state(std::string_view(bytes).substr(0, length)).ok());
+  EXPECT_FALSE(parse_group_state(bytes + '\0').ok());
+  EXPECT_FALSE(parse_group_state("").ok());
+}
+
+TEST(GroupState, RandomDamageIsRefusedOrHarmless) {
+  const std::string bytes = serialize(random_state(2));
+  std::mt19937_64 random(3);
+  int refused = 0;
+  for (int i = 0; i < 20000; ++i) {
+    std::string damaged = bytes;
+    for (uint64_t flips = 1 + random() % 4; flips > 0; --flips)
+      damaged[random() % damaged.size()] ^= static_cast<char>(1U << random() % 8);
+    if (random() % 4 == 0) damaged.resize(random() % damaged.size());
+    const auto parsed = parse_group_state(damaged);
+    refused += parsed.ok() ? 0 : 1;
+    if (!parsed.ok()) continue;
+    for (const PackState& pack : parsed.value()) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        EXPECT_GT(pack.chains.f[lane], 0);
+        for (const auto& pair : pack.pairs[lane]) EXPECT_LT(pair.slot, primary_space::kSlotCount);
+      }
+    }
+  }
+  EXPECT_GT(refused, 4000);
+}
+
+TEST(GroupState, StatesThatNoChainHasAreRefused) {
+  const GroupState good = random_state(4);
+  for (float f : {0.F, -1.F, std::numeric_limits<float>::infinity(),
+                  std::numeric_limits<float>::quiet_NaN()}) {
+    GroupState bad = good;
+    bad[2].chains.f[3] = f;
+    EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "f = " << f;
+    if (f >= -1) continue;
+    bad = good;
+    bad[2].payload[3].x = f;
+    EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "x = " << f;
+  }
+  for (float v :
+       {-1.F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
+    GroupState bad = good;
+    bad[2].payload[3].rgb[1] = v;
+    EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "radiance " << v;
+  }
+}
+
+TEST(GroupState, SlotsBeyondTheSpaceAreRefused) {
+  GroupState bad = random_state(5);
+  bad[0].pairs[0] = {{primary_space::kSlotCount, 1, 2}};
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+  bad[0].pairs[0] = {{-1, 1, 2}};
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+}
+
+}  // namespace
+}  // namespace metrofarm::work_unit
