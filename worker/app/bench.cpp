@@ -139,8 +139,7 @@ Result<Figures> render_chains(const Context& context, const Options& o,
   const uint64_t mutations = o.per_pixel * pixels / (kGroups * work_unit::kGroupSize) + 1;
   std::vector<work_unit::ChainGroup> groups(kGroups);
   for (uint32_t g = 0; g < kGroups; ++g) {
-    auto state =
-        work_unit::start_chains(context, draw_seeds(values, context.spec().unit, g));
+    auto state = work_unit::start_chains(context, draw_seeds(values, context.spec().unit, g));
     if (!state) return state.error();
     groups[g] = {g, std::move(state.value())};
   }
@@ -182,8 +181,10 @@ RecordedRays record_rays(const Context& context) {
       rays.active.push_back(active);
       const auto hits = scene.tracer().intersect(active, ray.origin, ray.direction);
       active = hits.hit;
-      const auto surface = geometry::surface_at(scene.primitives(), hits, ray.origin, ray.direction, false);
-      const auto u = source.pair(primary_space::eye_slot(bounce, primary_space::Decision::kDirection), active);
+      const auto surface =
+          geometry::surface_at(scene.primitives(), hits, ray.origin, ray.direction, false);
+      const auto u =
+          source.pair(primary_space::eye_slot(bounce, primary_space::Decision::kDirection), active);
       const Float side = xsimd::copysign(Float(1.F), -dot(surface.geometric_normal, ray.direction));
       const Frame frame = frame_around(surface.geometric_normal * side);
       ray.direction = frame.to_world(square_to_cosine_hemisphere({u.first, u.second}));
@@ -241,15 +242,16 @@ int run_bench(const std::vector<std::string>& words) {
     if (!rendered) return fail(rendered.error());
     f = rendered.value();
   }
-  std::printf("{\"integrator\": \"%s\", \"samples\": %llu, \"rays\": %llu, \"cpu_seconds\": %.4f, "
-              "\"wall_seconds\": %.4f, \"samples_per_cpu_second\": %.0f, "
-              "\"rays_per_cpu_second\": %.0f, \"raw_rays_per_cpu_second\": %.0f, "
-              "\"load_seconds\": %.4f, \"memory_bytes\": %llu}\n",
-              spec.integrator == Integrator::kPath ? "path" : "pssmlt",
-              static_cast<unsigned long long>(f.samples), static_cast<unsigned long long>(f.rays),
-              f.cpu_seconds, f.wall_seconds, double(f.samples) / f.cpu_seconds,
-              double(f.rays) / f.cpu_seconds, raw_rays_per_second(context), load_time,
-              static_cast<unsigned long long>(scene.bytes()));
+  std::printf(
+      "{\"integrator\": \"%s\", \"samples\": %llu, \"rays\": %llu, \"cpu_seconds\": %.4f, "
+      "\"wall_seconds\": %.4f, \"samples_per_cpu_second\": %.0f, "
+      "\"rays_per_cpu_second\": %.0f, \"raw_rays_per_cpu_second\": %.0f, "
+      "\"load_seconds\": %.4f, \"memory_bytes\": %llu}\n",
+      spec.integrator == Integrator::kPath ? "path" : "pssmlt",
+      static_cast<unsigned long long>(f.samples), static_cast<unsigned long long>(f.rays),
+      f.cpu_seconds, f.wall_seconds, double(f.samples) / f.cpu_seconds,
+      double(f.rays) / f.cpu_seconds, raw_rays_per_second(context), load_time,
+      static_cast<unsigned long long>(scene.bytes()));
   return 0;
 }
 

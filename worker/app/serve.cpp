@@ -21,11 +21,13 @@ namespace fs = std::filesystem;
 
 std::atomic<bool> g_stop{false};
 
-void request_stop(int /*signal*/) { g_stop = true; }
+void request_stop(int /*signal*/) {
+  g_stop = true;
+}
 
 // Finish and leave on SIGTERM and SIGINT.
 void install_signal_handlers() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = request_stop;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);

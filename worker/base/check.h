@@ -8,6 +8,5 @@ namespace metrofarm {
 
 }  // namespace metrofarm
 
-#define METROFARM_CHECK(expression)       \
-  ((expression) ? static_cast<void>(0)    \
-                : ::metrofarm::check_failed(#expression, __FILE__, __LINE__))
+#define METROFARM_CHECK(expression) \
+  ((expression) ? static_cast<void>(0) : ::metrofarm::check_failed(#expression, __FILE__, __LINE__))

@@ -18,7 +18,9 @@ FlushDenormals::FlushDenormals() : saved_(_mm_getcsr()) {
   _mm_setcsr(saved_ | kFlushToZero | kDenormalsAreZero);
 }
 
-FlushDenormals::~FlushDenormals() { _mm_setcsr(saved_); }
+FlushDenormals::~FlushDenormals() {
+  _mm_setcsr(saved_);
+}
 
 void parallel_for(size_t count, int threads,
                   const std::function<void(size_t index, int thread)>& work) {
@@ -28,7 +30,8 @@ void parallel_for(size_t count, int threads,
     for (size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) work(i, thread);
   };
   std::vector<std::jthread> helpers;
-  const int wanted = static_cast<int>(std::min<size_t>(std::max(threads, 1), std::max<size_t>(count, 1)));
+  const int wanted =
+      static_cast<int>(std::min<size_t>(std::max(threads, 1), std::max<size_t>(count, 1)));
   for (int t = 1; t < wanted; ++t) helpers.emplace_back(drain, t);
   drain(0);
 }

@@ -29,7 +29,7 @@ inline Vec3 fresnel_conductor(Float cos_theta, const Vec3& eta, const Vec3& k) {
 }
 
 struct DielectricInterface {
-  Float reflectance;    // 1 under total internal reflection
+  Float reflectance;      // 1 under total internal reflection
   Float cos_transmitted;  // cosine of the refracted ray, 0 under total internal reflection
 };
 

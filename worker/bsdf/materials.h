@@ -12,9 +12,9 @@ namespace metrofarm::bsdf {
 
 // What a ray meets: which model with which parameters, and how to turn the frame for it.
 struct ShownLobe {
-  Int kind = Int(-1);         // LobeKind, -1: black
-  Int row = Int(0);           // row in the parameter table
-  Mask turned = no_lanes();   // the material treats this back side like a front
+  Int kind = Int(-1);        // LobeKind, -1: black
+  Int row = Int(0);          // row in the parameter table
+  Mask turned = no_lanes();  // the material treats this back side like a front
 };
 
 class Materials {

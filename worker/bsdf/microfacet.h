@@ -46,13 +46,13 @@ struct Beckmann {
   static Float distribution(const Vec3& m, const Roughness& a) {
     const Float cos2 = sqr(m.z);
     const Float exponent = (sqr(m.x / a.alpha_u) + sqr(m.y / a.alpha_v)) / cos2;
-    const Float d =
-        xsimd::exp(-exponent) / (Float(kPi) * a.alpha_u * a.alpha_v * sqr(cos2));
+    const Float d = xsimd::exp(-exponent) / (Float(kPi) * a.alpha_u * a.alpha_v * sqr(cos2));
     return keep(m.z > Float(0.F), d);
   }
 
   static Float masking(const Vec3& v, const Roughness& a) {
-    const Float tan_alpha = xsimd::sqrt(sqr(v.x * a.alpha_u) + sqr(v.y * a.alpha_v)) / xsimd::abs(v.z);
+    const Float tan_alpha =
+        xsimd::sqrt(sqr(v.x * a.alpha_u) + sqr(v.y * a.alpha_v)) / xsimd::abs(v.z);
     const Float c = Float(1.F) / tan_alpha;
     const Float c2 = c * c;
     const Float g = (Float(3.535F) * c + Float(2.181F) * c2) /

@@ -1,7 +1,8 @@
 // What a BSDF is asked and what it answers, for eight surface points at once.
 //
 // Directions are unit vectors in the local shading frame, +z the shading normal, both pointing away
-// from the surface. Two-sided materials see wo.z > 0 from either side: the frame is turned for them.
+// from the surface. Two-sided materials see wo.z > 0 from either side: the frame is turned for
+// them.
 #pragma once
 
 #include "math/warp.h"
@@ -10,17 +11,17 @@
 namespace metrofarm::bsdf {
 
 struct Evaluation {
-  Spectrum value = splat(0.F);          // f(wo, wi) |cos theta_i|
-  Float pdf_solid_angle = Float(0.F);   // of sample() choosing wi; 0 for delta lobes
+  Spectrum value = splat(0.F);         // f(wo, wi) |cos theta_i|
+  Float pdf_solid_angle = Float(0.F);  // of sample() choosing wi; 0 for delta lobes
 };
 
 struct Sample {
   Vec3 wi = splat(0.F);
-  Spectrum weight = splat(0.F);         // value / pdf
-  Float pdf_solid_angle = Float(0.F);   // meaningless in delta lanes
-  Mask valid = no_lanes();              // lanes without a sample carry no light
-  Mask delta = no_lanes();              // wi came from a discrete set of directions
-  Float eta = Float(1.F);               // index ratio passed through, 1 on reflection
+  Spectrum weight = splat(0.F);        // value / pdf
+  Float pdf_solid_angle = Float(0.F);  // meaningless in delta lanes
+  Mask valid = no_lanes();             // lanes without a sample carry no light
+  Mask delta = no_lanes();             // wi came from a discrete set of directions
+  Float eta = Float(1.F);              // index ratio passed through, 1 on reflection
 };
 
 // The primary sample of one scattering event.

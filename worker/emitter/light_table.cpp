@@ -163,7 +163,8 @@ LightSample LightTable::sample(const Vec3& reference, Float choice, Vec2 positio
   blend(flat, [&](Mask m) { return sample_area(light, reference, position, m); });
   blend(lanes & equal(kind, Int(kSphere)),
         [&](Mask m) { return sample_sphere(light, reference, position, m); });
-  blend(lanes & equal(kind, Int(kPoint)), [&](Mask m) { return sample_point(light, reference, m); });
+  blend(lanes & equal(kind, Int(kPoint)),
+        [&](Mask m) { return sample_point(light, reference, m); });
   blend(lanes & equal(kind, Int(kEnvironment)),
         [&](Mask m) { return sample_environment(position, m); });
   return result;
@@ -209,8 +210,8 @@ LightSample LightTable::sample_area(Int light, const Vec3& reference, Vec2 u, Ma
     const Vec3 center = axis(0), axis_u = axis(3), axis_v = axis(6);
     point.position = select(disk, center + axis_u * d.x + axis_v * d.y, point.position);
     point.normal = select(disk, normalize(cross(axis_u, axis_v)), point.normal);
-    const Float reach = max_component(abs(center)) + max_component(abs(axis_u)) +
-                        max_component(abs(axis_v));
+    const Float reach =
+        max_component(abs(center)) + max_component(abs(axis_u)) + max_component(abs(axis_v));
     point.offset = select(disk, reach * Float(geometry::kOffsetScale), point.offset);
   }
   const Float sign = gather(primitives_.normal_sign.data(), shape, lanes);
@@ -261,8 +262,7 @@ LightSample LightTable::sample_sphere(Int light, const Vec3& reference, Vec2 u, 
 
   LightSample s = towards(reference, center + outward * radius, outward * sign, offset, radiance,
                           gather(pick_per_area_.data(), shape, lanes), lanes);
-  const Float cone_pdf =
-      gather(pick_.data(), shape, lanes) / (Float(2 * kPi) * one_minus_cos);
+  const Float cone_pdf = gather(pick_.data(), shape, lanes) / (Float(2 * kPi) * one_minus_cos);
   s.pdf_solid_angle = select(cone, keep(s.valid, cone_pdf), s.pdf_solid_angle);
   s.value = keep(s.valid, radiance / s.pdf_solid_angle);
   return s;

@@ -14,9 +14,9 @@
 namespace metrofarm::emitter {
 
 struct LightSample {
-  Vec3 direction = splat(0.F);         // unit, from the reference point towards the light
-  Float distance = Float(0.F);         // to the light; infinite for the environment
-  Spectrum value = splat(0.F);         // radiance (delta: intensity / d^2) over the pdf of choosing it
+  Vec3 direction = splat(0.F);  // unit, from the reference point towards the light
+  Float distance = Float(0.F);  // to the light; infinite for the environment
+  Spectrum value = splat(0.F);  // radiance (delta: intensity / d^2) over the pdf of choosing it
   Float pdf_solid_angle = Float(0.F);  // of the whole choice; 0 in delta lanes
   Mask valid = no_lanes();
   Mask delta = no_lanes();
@@ -61,15 +61,15 @@ class LightTable {
 
   const geometry::Primitives& primitives_;
   // By light, in the order of the cumulative distribution.
-  std::vector<float> cdf_;        // upper end of each light's part of [0, 1)
+  std::vector<float> cdf_;  // upper end of each light's part of [0, 1)
   std::vector<int32_t> kind_;
-  std::vector<int32_t> index_;    // primitive, or row in points_
-  std::vector<double> power_;     // emptied once the distribution is made
+  std::vector<int32_t> index_;  // primitive, or row in points_
+  std::vector<double> power_;   // emptied once the distribution is made
   // By shape.
-  std::vector<float> radiance_;   // 3 per shape, 0 where it is no light; one spare
+  std::vector<float> radiance_;       // 3 per shape, 0 where it is no light; one spare
   std::vector<float> pick_per_area_;  // pdf_area of choosing any point of the shape
-  std::vector<float> pick_;       // probability of choosing the shape (analytic shapes)
-  std::vector<float> points_;     // 6 per point light: position, intensity / probability
+  std::vector<float> pick_;           // probability of choosing the shape (analytic shapes)
+  std::vector<float> points_;         // 6 per point light: position, intensity / probability
   float environment_radiance_[3] = {0, 0, 0};
   float environment_pick_ = 0;
 };

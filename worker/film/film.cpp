@@ -11,7 +11,9 @@ namespace {
 
 constexpr int kLowPlaneOffset = 128;
 
-uint64_t pixel_hash(uint64_t index) { return mix64(index) | 1; }
+uint64_t pixel_hash(uint64_t index) {
+  return mix64(index) | 1;
+}
 uint64_t plane_hash(int plane, int channel) {
   return mix64((uint64_t{1} << 48) + uint64_t(3 * plane + channel)) | 1;
 }

@@ -63,8 +63,8 @@ class Film {
  private:
   FilmShape shape_;
   int cell_width_, cell_height_;
-  std::vector<int64_t> full_;  // [plane][pixel][channel]
-  std::vector<int64_t> low_;   // [plane][cell][channel]
+  std::vector<int64_t> full_;                   // [plane][pixel][channel]
+  std::vector<int64_t> low_;                    // [plane][cell][channel]
   std::vector<uint64_t> full_hash_, low_hash_;  // plane_hash(plane, channel)
 };
 

@@ -64,8 +64,7 @@ Filter::Span Filter::span(float x) const {
   s.first = static_cast<int>(std::ceil(x - radius_ - 0.5F));
   const int last = static_cast<int>(std::floor(x + radius_ - 0.5F));
   s.count = std::min(last - s.first + 1, kMaxReach);
-  for (int i = 0; i < s.count; ++i)
-    s.weight[i] = value(static_cast<float>(s.first + i) + 0.5F - x);
+  for (int i = 0; i < s.count; ++i) s.weight[i] = value(static_cast<float>(s.first + i) + 0.5F - x);
   return s;
 }
 

@@ -35,9 +35,9 @@ class Filter {
   bool is_pixel_box_;
   int border_;
   float radius_;
-  float scale_;            // makes the integral 1
+  float scale_;              // makes the integral 1
   float inverse_variance2_;  // 1 / (2 sigma^2), gaussian only
-  float at_radius_;        // gaussian value subtracted so that it ends at zero
+  float at_radius_;          // gaussian value subtracted so that it ends at zero
 };
 
 }  // namespace metrofarm::film

@@ -30,7 +30,8 @@ bool any_mesh(const SceneDescription& description, bool (*wants)(const TriangleM
 class Builder {
  public:
   explicit Builder(SceneDescription& description) : description_(description) {
-    wants_normals_ = any_mesh(description, [](const TriangleMesh& m) { return !m.normals.empty(); });
+    wants_normals_ =
+        any_mesh(description, [](const TriangleMesh& m) { return !m.normals.empty(); });
     wants_texcoords_ =
         any_mesh(description, [](const TriangleMesh& m) { return !m.texcoords.empty(); });
   }
@@ -133,7 +134,9 @@ uint64_t Primitives::bytes() const {
          bytes_of(bsdf_of) + bytes_of(normal_sign) + bytes_of(has_normals);
 }
 
-Primitives build_primitives(SceneDescription& description) { return Builder(description).build(); }
+Primitives build_primitives(SceneDescription& description) {
+  return Builder(description).build();
+}
 
 double area_of(const Primitives& p, uint32_t primitive) {
   if (primitive < static_cast<uint32_t>(p.triangle_count)) return triangle_area(p, primitive);

@@ -22,10 +22,10 @@ struct ShapeRecord {
 struct Primitives {
   // ---- triangles ----
   // Vertex tables end with one spare float, for loads that are four floats wide.
-  std::vector<float> positions;   // 3 per vertex
-  std::vector<float> normals;     // 3 per vertex; zero where the mesh has none; empty if none has
-  std::vector<float> texcoords;   // 2 per vertex; zero where the mesh has none; empty if none has
-  std::vector<int32_t> indices;   // 3 per triangle
+  std::vector<float> positions;  // 3 per vertex
+  std::vector<float> normals;    // 3 per vertex; zero where the mesh has none; empty if none has
+  std::vector<float> texcoords;  // 2 per vertex; zero where the mesh has none; empty if none has
+  std::vector<int32_t> indices;  // 3 per triangle
   int32_t triangle_count = 0;
 
   // ---- analytic shapes, 10 floats each ----
@@ -38,9 +38,9 @@ struct Primitives {
 
   // ---- by shape ----
   std::vector<ShapeRecord> shapes;
-  std::vector<int32_t> bsdf_of;         // material
-  std::vector<float> normal_sign;       // -1 where normals are flipped, else 1
-  std::vector<int32_t> has_normals;     // 1 where the mesh has vertex normals
+  std::vector<int32_t> bsdf_of;      // material
+  std::vector<float> normal_sign;    // -1 where normals are flipped, else 1
+  std::vector<int32_t> has_normals;  // 1 where the mesh has vertex normals
 
   uint64_t bytes() const;
 };

@@ -94,7 +94,8 @@ AnalyticSurface analytic_at(const Primitives& p, const RayHits& hits, const Vec3
   const Vec3 on_plane = along - s.normal * dot(along - center, s.normal);
   s.position = select(disk, on_plane, center + radial * radius);
   s.tangent = select(disk, axis_u, Vec3{-radial.y, radial.x, Float(0.F)});
-  const Float extent = select(disk, max_component(abs(axis_u)) + max_component(abs(axis_v)), radius);
+  const Float extent =
+      select(disk, max_component(abs(axis_u)) + max_component(abs(axis_v)), radius);
   s.offset = (max_component(abs(center)) + extent) * Float(kOffsetScale);
   return s;
 }

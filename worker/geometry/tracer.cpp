@@ -47,7 +47,8 @@ void analytic_occluded(const RTCOccludedFunctionNArguments* args) {
   const auto& primitives = *static_cast<const Primitives*>(args->geometryUserPtr);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const double t = intersect_analytic(primitives, args->primID, segment_of(args->ray, args->N, i));
+    const double t =
+        intersect_analytic(primitives, args->primID, segment_of(args->ray, args->N, i));
     if (t >= 0) RTCRayN_tfar(args->ray, args->N, i) = -std::numeric_limits<float>::infinity();
   }
 }
@@ -57,7 +58,9 @@ bool count_memory(void* counter, ssize_t bytes, bool /*post*/) {
   return true;
 }
 
-void store(float* out, Float value) { value.store_aligned(out); }
+void store(float* out, Float value) {
+  value.store_aligned(out);
+}
 
 template <class Ray>
 void store_ray(Ray& ray, const Vec3& origin, const Vec3& direction, Float t_max) {

@@ -1,7 +1,8 @@
 // Rays against the scene's primitives, eight at a time.
 //
-// A packet's result depends on its eight rays only, but where two surfaces coincide it may depend on
-// which rays travel together. Callers that promise reproducible bits keep packets composed alike.
+// A packet's result depends on its eight rays only, but where two surfaces coincide it may depend
+// on which rays travel together. Callers that promise reproducible bits keep packets composed
+// alike.
 #pragma once
 
 #include <functional>
@@ -14,9 +15,9 @@ namespace metrofarm::geometry {
 
 struct RayHits {
   Mask hit;
-  Float t;          // distance along the (not necessarily unit) direction
-  Float u, v;       // barycentric coordinates b1, b2 on triangles
-  Int primitive;    // valid where hit
+  Float t;        // distance along the (not necessarily unit) direction
+  Float u, v;     // barycentric coordinates b1, b2 on triangles
+  Int primitive;  // valid where hit
 };
 
 class Tracer {

@@ -19,49 +19,88 @@ using Mask = xsimd::batch_bool<float, LaneArch>;
 
 static_assert(Float::size == kLanes);
 
-inline Mask all_lanes() { return Mask(true); }
-inline Mask no_lanes() { return Mask(false); }
+inline Mask all_lanes() {
+  return Mask(true);
+}
+inline Mask no_lanes() {
+  return Mask(false);
+}
 
 // Bit i is set where lane i is.
-inline uint32_t bits(Mask m) { return static_cast<uint32_t>(_mm256_movemask_ps(m)); }
+inline uint32_t bits(Mask m) {
+  return static_cast<uint32_t>(_mm256_movemask_ps(m));
+}
 inline Mask mask_from_bits(uint32_t b) {
   const __m256i lane_bit = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
   const __m256i set = _mm256_and_si256(_mm256_set1_epi32(static_cast<int>(b)), lane_bit);
   return _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane_bit));
 }
 // The first n lanes.
-inline Mask first_lanes(int n) { return mask_from_bits((1U << n) - 1U); }
+inline Mask first_lanes(int n) {
+  return mask_from_bits((1U << n) - 1U);
+}
 
-inline bool any(Mask m) { return bits(m) != 0; }
-inline bool none(Mask m) { return bits(m) == 0; }
-inline bool all(Mask m) { return bits(m) == 0xff; }
+inline bool any(Mask m) {
+  return bits(m) != 0;
+}
+inline bool none(Mask m) {
+  return bits(m) == 0;
+}
+inline bool all(Mask m) {
+  return bits(m) == 0xff;
+}
 
-inline Int as_int(Float f) { return _mm256_castps_si256(f); }
-inline UInt as_uint(Float f) { return _mm256_castps_si256(f); }
-inline UInt as_uint(Int i) { return static_cast<__m256i>(i); }
-inline Int as_int(UInt u) { return static_cast<__m256i>(u); }
-inline Float as_float(Int i) { return _mm256_castsi256_ps(i); }
-inline Mask as_mask(__m256i m) { return _mm256_castsi256_ps(m); }
+inline Int as_int(Float f) {
+  return _mm256_castps_si256(f);
+}
+inline UInt as_uint(Float f) {
+  return _mm256_castps_si256(f);
+}
+inline UInt as_uint(Int i) {
+  return static_cast<__m256i>(i);
+}
+inline Int as_int(UInt u) {
+  return static_cast<__m256i>(u);
+}
+inline Float as_float(Int i) {
+  return _mm256_castsi256_ps(i);
+}
+inline Mask as_mask(__m256i m) {
+  return _mm256_castsi256_ps(m);
+}
 
-inline Mask equal(Int a, Int b) { return as_mask(_mm256_cmpeq_epi32(a, b)); }
-inline Float to_float(Int i) { return _mm256_cvtepi32_ps(i); }
-inline Int truncate(Float f) { return _mm256_cvttps_epi32(f); }
+inline Mask equal(Int a, Int b) {
+  return as_mask(_mm256_cmpeq_epi32(a, b));
+}
+inline Float to_float(Int i) {
+  return _mm256_cvtepi32_ps(i);
+}
+inline Int truncate(Float f) {
+  return _mm256_cvttps_epi32(f);
+}
 
 // a where m, b elsewhere.
-inline Float select(Mask m, Float a, Float b) { return _mm256_blendv_ps(b, a, m); }
-inline Int select(Mask m, Int a, Int b) { return as_int(select(m, as_float(a), as_float(b))); }
+inline Float select(Mask m, Float a, Float b) {
+  return _mm256_blendv_ps(b, a, m);
+}
+inline Int select(Mask m, Int a, Int b) {
+  return as_int(select(m, as_float(a), as_float(b)));
+}
 inline UInt select(Mask m, UInt a, UInt b) {
   return as_uint(select(m, as_float(as_int(a)), as_float(as_int(b))));
 }
 // a where m, 0 elsewhere: also clears NaN in the other lanes.
-inline Float keep(Mask m, Float a) { return _mm256_and_ps(a, m); }
+inline Float keep(Mask m, Float a) {
+  return _mm256_and_ps(a, m);
+}
 
 // table[index] per lane; lanes outside m are not read and give 0.
 inline Float gather(const float* table, Int index, Mask m) {
   return _mm256_mask_i32gather_ps(_mm256_setzero_ps(), table, index, m, 4);
 }
 inline Int gather(const int32_t* table, Int index, Mask m) {
-  return _mm256_mask_i32gather_epi32(_mm256_setzero_si256(), table, index, _mm256_castps_si256(m), 4);
+  return _mm256_mask_i32gather_epi32(_mm256_setzero_si256(), table, index, _mm256_castps_si256(m),
+                                     4);
 }
 inline UInt gather(const uint32_t* table, Int index, Mask m) {
   return as_uint(gather(reinterpret_cast<const int32_t*>(table), index, m));
@@ -97,7 +136,11 @@ inline void set_lane_value(Float& f, int lane, float value) {
   f = Float::load_aligned(values);
 }
 
-inline Float sqr(Float x) { return x * x; }
-inline Float safe_sqrt(Float x) { return xsimd::sqrt(xsimd::max(x, Float(0.F))); }
+inline Float sqr(Float x) {
+  return x * x;
+}
+inline Float safe_sqrt(Float x) {
+  return xsimd::sqrt(xsimd::max(x, Float(0.F)));
+}
 
 }  // namespace metrofarm

@@ -1,6 +1,6 @@
-// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel Random Numbers: As Easy
-// as 1, 2, 3", section 3.3). A draw is a pure function of (key, counter), so any worker recomputes
-// any sample, and the lanes need no state.
+// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel Random Numbers: As
+// Easy as 1, 2, 3", section 3.3). A draw is a pure function of (key, counter), so any worker
+// recomputes any sample, and the lanes need no state.
 #pragma once
 
 #include <array>

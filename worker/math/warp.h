@@ -24,11 +24,13 @@ inline SinCos sincos_turn(Float u) {
   const Float q = xsimd::floor(u * Float(4.F) + Float(0.5F));
   const Float r = (u - q * Float(0.25F)) * Float(2.F * kPi);
   const Float r2 = r * r;
-  const Float s =
-      r + r * r2 * (Float(-1.6666654611e-1F) + r2 * (Float(8.3321608736e-3F) + r2 * Float(-1.9515295891e-4F)));
+  const Float s = r + r * r2 *
+                          (Float(-1.6666654611e-1F) +
+                           r2 * (Float(8.3321608736e-3F) + r2 * Float(-1.9515295891e-4F)));
   const Float c = Float(1.F) - Float(0.5F) * r2 +
-                  r2 * r2 * (Float(4.166664568298827e-2F) +
-                             r2 * (Float(-1.388731625493765e-3F) + r2 * Float(2.443315711809948e-5F)));
+                  r2 * r2 *
+                      (Float(4.166664568298827e-2F) +
+                       r2 * (Float(-1.388731625493765e-3F) + r2 * Float(2.443315711809948e-5F)));
   const Int quadrant = truncate(q);
   const Mask swap = equal(quadrant & Int(1), Int(1));
   const Mask negate_sin = equal(quadrant & Int(2), Int(2));
@@ -60,7 +62,8 @@ inline Vec3 square_to_sphere(Vec2 u) {
 }
 
 // Uniform in the cone around +z whose half-angle has cosine 1 - one_minus_cos.
-// pdf_solid_angle = 1 / (2 pi one_minus_cos). Written in 1 - cos so that narrow cones keep precision.
+// pdf_solid_angle = 1 / (2 pi one_minus_cos). Written in 1 - cos so that narrow cones keep
+// precision.
 inline Vec3 square_to_cone(Vec2 u, Float one_minus_cos) {
   const Float drop = u.x * one_minus_cos;  // 1 - cos of the sampled angle
   const Float r = safe_sqrt(drop * (Float(2.F) - drop));

@@ -35,10 +35,10 @@ struct ChainCounts {
 };
 
 struct ChainPackConfig {
-  RngKey key;             // of the job's chains
-  uint32_t first_chain;   // lane i runs chain first_chain + i
+  RngKey key;            // of the job's chains
+  uint32_t first_chain;  // lane i runs chain first_chain + i
   Kernel kernel;
-  double unit = 1;        // c
+  double unit = 1;  // c
 };
 
 class ChainPack {

@@ -11,7 +11,8 @@ enum class KernelKind { kKelemenPair, kGaussian };
 
 struct Kernel {
   KernelKind kind = KernelKind::kKelemenPair;
-  double s1 = 1.9 / 1024;  // kKelemenPair: radius s2 exp(-ln(s2 / s1) xi) (Kelemen et al. 2002, 3.2)
+  double s1 =
+      1.9 / 1024;  // kKelemenPair: radius s2 exp(-ln(s2 / s1) xi) (Kelemen et al. 2002, 3.2)
   double s2 = 1.9 / 64;
   double sigma = 0.01;  // kGaussian: standard deviation per coordinate
   double large_step_probability = 0.3;
@@ -22,8 +23,7 @@ class Stepper {
  public:
   explicit Stepper(const Kernel& kernel);
 
-  primary_space::FixedPair step(const primary_space::FixedPair& from, UInt word0,
-                                UInt word1) const;
+  primary_space::FixedPair step(const primary_space::FixedPair& from, UInt word0, UInt word1) const;
 
  private:
   KernelKind kind_;

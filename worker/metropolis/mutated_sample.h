@@ -1,9 +1,9 @@
 // The primary samples of eight chains, evaluated lazily.
 //
 // Under the target, coordinates that the current path does not read are independent uniforms;
-// redrawing them is a Gibbs move that is valid at any time. So only the pairs that the current state
-// has read are kept, and all others are fresh whenever a proposal asks for them. Every draw is a
-// pure function of (chain, iteration, slot).
+// redrawing them is a Gibbs move that is valid at any time. So only the pairs that the current
+// state has read are kept, and all others are fresh whenever a proposal asks for them. Every draw
+// is a pure function of (chain, iteration, slot).
 #pragma once
 
 #include <cstdint>
@@ -60,7 +60,7 @@ class MutatedSample final : public primary_space::SampleSource {
   UInt iteration_high_ = UInt(0U);
   Mask large_ = no_lanes();
   std::vector<SlotState> slots_;  // grows with the longest path met
-  int used_ = 0;  // slots below this may be known or read
+  int used_ = 0;                  // slots below this may be known or read
 };
 
 }  // namespace metrofarm::metropolis

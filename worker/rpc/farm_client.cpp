@@ -31,8 +31,7 @@ std::chrono::milliseconds backoff(int attempts) {
 bool may_repeat(StatusCode code) {
   return code == StatusCode::UNAVAILABLE || code == StatusCode::DEADLINE_EXCEEDED ||
          code == StatusCode::CANCELLED || code == StatusCode::RESOURCE_EXHAUSTED ||
-         code == StatusCode::ABORTED || code == StatusCode::UNKNOWN ||
-         code == StatusCode::INTERNAL;
+         code == StatusCode::ABORTED || code == StatusCode::UNKNOWN || code == StatusCode::INTERNAL;
 }
 
 }  // namespace

@@ -44,8 +44,8 @@ struct TaskRunner::Segment {
   uint32_t number = 0;
   uint32_t round = 0;
   const work::v1::ChainGroupState* chains = nullptr;  // null: independent paths
-  uint64_t size = 0;          // mutations per chain or samples per pixel
-  uint64_t first_sample = 0;  // independent paths
+  uint64_t size = 0;                                  // mutations per chain or samples per pixel
+  uint64_t first_sample = 0;                          // independent paths
 
   bool done = false;
   std::string failure;
@@ -166,10 +166,11 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
     s.output = work_unit::run_path_segment(context, {s.number, s.first_sample, s.size}, film);
   } else {
     const bool fresh = s.chains->state().empty();
-    auto state = fresh ? work_unit::start_chains(
-                             context, {{s.chains->seed_indices().begin(), s.chains->seed_indices().end()},
-                                       {s.chains->seed_values().begin(), s.chains->seed_values().end()}})
-                       : work_unit::parse_group_state(s.chains->state());
+    auto state =
+        fresh ? work_unit::start_chains(
+                    context, {{s.chains->seed_indices().begin(), s.chains->seed_indices().end()},
+                              {s.chains->seed_values().begin(), s.chains->seed_values().end()}})
+              : work_unit::parse_group_state(s.chains->state());
     if (!state) {
       s.failure = state.error().message;
       return;

@@ -23,7 +23,8 @@ std::string encode_tile(std::span<const int64_t> values) {
       shuffled[byte * n + i] = static_cast<char>(v >> (8 * byte) & 0xff);
   }
   std::string out(ZSTD_compressBound(shuffled.size()), '\0');
-  const size_t size = ZSTD_compress(out.data(), out.size(), shuffled.data(), shuffled.size(), kLevel);
+  const size_t size =
+      ZSTD_compress(out.data(), out.size(), shuffled.data(), shuffled.size(), kLevel);
   METROFARM_CHECK(ZSTD_isError(size) == 0);
   out.resize(size);
   return out;

@@ -145,9 +145,9 @@ void run_tasks(std::vector<work::v1::Task> tasks, TaskRunner& runner, Leases& le
 }  // namespace
 
 int run_worker(const WorkerOptions& options, const std::function<bool()>& stop_requested) {
-  FarmClient client(options.coordinator, {options.name, options.version,
-                                          static_cast<uint32_t>(options.threads),
-                                          random_instance()});
+  FarmClient client(
+      options.coordinator,
+      {options.name, options.version, static_cast<uint32_t>(options.threads), random_instance()});
   std::jthread watcher([&](const std::stop_token& done) {
     while (!done.stop_requested() && !stop_requested())
       std::this_thread::sleep_for(std::chrono::milliseconds(50));

@@ -27,10 +27,10 @@ inline constexpr Index kNone = -1;
 
 // Indexed triangles in world space.
 struct TriangleMesh {
-  std::vector<float> positions;    // 3 per vertex
-  std::vector<float> normals;      // 3 per vertex (unit length), or empty: face normals
-  std::vector<float> texcoords;    // 2 per vertex, or empty
-  std::vector<uint32_t> indices;   // 3 per triangle, counter-clockwise seen from outside
+  std::vector<float> positions;   // 3 per vertex
+  std::vector<float> normals;     // 3 per vertex (unit length), or empty: face normals
+  std::vector<float> texcoords;   // 2 per vertex, or empty
+  std::vector<uint32_t> indices;  // 3 per triangle, counter-clockwise seen from outside
 };
 
 struct Sphere {

@@ -80,7 +80,8 @@ PathTracer::Vertex PathTracer::meet(State& path, int depth) {
   if (none(path.active)) return v;
 
   const bool tangent = scene_.materials().wants_tangent();
-  v.surface = geometry::surface_at(scene_.primitives(), v.hits, path.origin, path.direction, tangent);
+  v.surface =
+      geometry::surface_at(scene_.primitives(), v.hits, path.origin, path.direction, tangent);
   v.frame = frame_around(v.surface.shading_normal);
   if (tangent) {
     // Gram-Schmidt; a tangent along the normal keeps the arbitrary frame.
@@ -138,8 +139,8 @@ void PathTracer::add_emission(State& path, const Vertex& v, int depth) {
   const Mask delta = path.delta;
   Float weight(1.F);
   if (any(lit & ~delta)) {
-    const Float pdf_light = scene_.lights().pdf_of_hit(path.reference, v.hits, v.surface,
-                                                       path.direction, lit & ~delta);
+    const Float pdf_light =
+        scene_.lights().pdf_of_hit(path.reference, v.hits, v.surface, path.direction, lit & ~delta);
     weight = weight_of_hit(path.pdf_solid_angle, pdf_light, delta);
   }
   accumulate(path, path.throughput * emitted * weight, lit, Place::kEmission, depth);
@@ -152,8 +153,8 @@ void PathTracer::add_light_sample(State& path, const Vertex& v, SampleSource& so
   const Pair choice = source.pair(eye_slot(depth - 1, Decision::kLight), smooth);
   const Pair point = source.pair(eye_slot(depth - 1, Decision::kLightPoint), smooth);
 
-  const emitter::LightSample light = scene_.lights().sample(
-      v.surface.position, choice.first, {point.first, point.second}, smooth);
+  const emitter::LightSample light =
+      scene_.lights().sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
   const Vec3 wi = v.frame.to_local(light.direction);
   const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi);
   const Mask useful = smooth & light.valid & (max_component(e.value) > Float(0.F));
@@ -165,8 +166,8 @@ void PathTracer::add_light_sample(State& path, const Vertex& v, SampleSource& so
   const Mask alone = mis ? light.delta : all_lanes();
   const Float weight =
       select(alone, Float(1.F), power_heuristic(light.pdf_solid_angle, e.pdf_solid_angle));
-  accumulate(path, path.throughput * e.value * light.value * weight, visible,
-             Place::kEmitterSample, depth + 1);
+  accumulate(path, path.throughput * e.value * light.value * weight, visible, Place::kEmitterSample,
+             depth + 1);
 }
 
 // Lanes in which nothing lies between the vertex and the light. The shadow ray runs from the offset

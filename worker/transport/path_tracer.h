@@ -25,7 +25,7 @@ struct PathSettings {
 
 // Maps the film pair's unit square to raster positions in pixels, per lane.
 struct RasterWindow {
-  Float x, y;           // upper left corner
+  Float x, y;  // upper left corner
   Float width, height;
 };
 

@@ -78,8 +78,8 @@ SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint6
   for (int p = 0; p < kPacksPerGroup; ++p) {
     const uint32_t first_chain = group.group * kGroupSize + p * kLanes;
     target.begin_pack(&splatter, group.group, first_chain);
-    ChainPack chains(
-        {rng_key(spec.seed, RngDomain::kChain), first_chain, spec.kernel, spec.unit}, target);
+    ChainPack chains({rng_key(spec.seed, RngDomain::kChain), first_chain, spec.kernel, spec.unit},
+                     target);
     load(chains, target, group.state[p]);
     chains.advance(mutations);
     chains.flush();
@@ -89,8 +89,8 @@ SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint6
   SegmentOutput out;
   out.digest = splatter.digest();
   out.anomalies = target.anomalies();
-  out.counts = {counts.mutations,      target.costs().paths, target.costs().rays,
-                counts.large_steps,    counts.large_accepted, counts.small_steps,
+  out.counts = {counts.mutations,     target.costs().paths,  target.costs().rays,
+                counts.large_steps,   counts.large_accepted, counts.small_steps,
                 counts.small_accepted};
   return out;
 }

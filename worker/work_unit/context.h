@@ -1,4 +1,5 @@
-// What all units of work of one job share: the scene, and the resolved spec as the renderer needs it.
+// What all units of work of one job share: the scene, and the resolved spec as the renderer needs
+// it.
 #pragma once
 
 #include <cstdint>

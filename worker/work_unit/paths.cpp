@@ -8,8 +8,8 @@
 namespace metrofarm::work_unit {
 namespace {
 
-// A sample may be this many film units large: with 2^32 steps to the unit, 2^10 samples of that size
-// still fit a film value.
+// A sample may be this many film units large: with 2^32 steps to the unit, 2^10 samples of that
+// size still fit a film value.
 constexpr float kLargestSample = 0x1p20F;
 
 // Traces one segment's cells for consecutive sample numbers.

@@ -85,8 +85,12 @@ void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uin
   }
 }
 
-RenderTarget::Payload RenderTarget::proposal(int lane) const { return payload_of(proposal_, lane); }
-RenderTarget::Payload RenderTarget::current(int lane) const { return payload_of(current_, lane); }
+RenderTarget::Payload RenderTarget::proposal(int lane) const {
+  return payload_of(proposal_, lane);
+}
+RenderTarget::Payload RenderTarget::current(int lane) const {
+  return payload_of(current_, lane);
+}
 
 void RenderTarget::set_current(int lane, const Payload& p) {
   set_lane_value(current_.raster_x, lane, p.x);
