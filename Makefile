@@ -12,7 +12,7 @@ BENCH_ARGS ?=
 SABOTAGE ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help build worker services web demo test agreement references bench sabotage stress \
+.PHONY: help build worker worker-tests services web demo test agreement references bench sabotage stress \
         cluster format lint sanitize setup setup-test setup-bench clean
 
 help: ## show this list
@@ -57,9 +57,12 @@ worker: setup
 	@mkdir -p build bin
 	@cmake -S worker -B build/worker -G Ninja -DCMAKE_BUILD_TYPE=Release >build/configure.log 2>&1 \
 	  || { cat build/configure.log; exit 1; }
-	cmake --build build/worker
+	cmake --build build/worker --target metrofarm-worker
 	cp build/worker/app/metrofarm-worker bin/metrofarm-worker.new
 	mv bin/metrofarm-worker.new bin/metrofarm-worker
+
+worker-tests: worker
+	cmake --build build/worker
 
 services: setup
 	@mkdir -p bin

@@ -25,7 +25,10 @@ stage_generated() {
   return 1
 }
 
-stage_cpp() { ctest --test-dir build/worker --output-on-failure --no-tests=error -j 2; }
+stage_cpp() {
+  make --no-print-directory worker-tests &&
+    ctest --test-dir build/worker --output-on-failure --no-tests=error -j 2
+}
 stage_go() { (cd services && go test -race ./...); }
 stage_web() { (cd web && npm test --silent); }
 stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/sabotage; }

@@ -9,6 +9,7 @@ Each NAME.patch in this directory is a diff against the repository's root with a
     # red: the command that must fail with the bug planted (run from the root)
     # build: worker | services | nothing     what to compile before it
 
+
 The tree is copied once (with what is not committed, without build output), built once without any
 bug, and each command must pass there first: a test that is red anyway proves nothing. Then each
 patch is applied, the changed part compiled again, the command run, and the patch taken back.
@@ -30,7 +31,11 @@ ROOT = HERE.parents[1]
 LEFT_OUT = shutil.ignore_patterns(
     ".git", "build", "build-*", "bin", "demo", "node_modules", "__pycache__", ".pytest_cache"
 )
-BUILDS = {"worker": ["make", "worker"], "services": ["make", "services"], "nothing": None}
+BUILDS = {
+    "worker": ["make", "worker", "worker-tests"],
+    "services": ["make", "services"],
+    "nothing": None,
+}
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ namespace {
 using metrofarm::test::all_values;
 using metrofarm::test::digest_from_planes;
 
-struct Run {
+struct Rendered {
   std::vector<int64_t> values;
   std::vector<uint64_t> digests;
   std::vector<std::string> states;
@@ -28,10 +28,10 @@ std::vector<size_t> shuffled(size_t count, uint64_t seed) {
   return order;
 }
 
-Run run_chains(const Context& context, const std::vector<GroupState>& starts, int threads,
-               uint64_t order_seed) {
+Rendered run_chains(const Context& context, const std::vector<GroupState>& starts, int threads,
+                    uint64_t order_seed) {
   film::Film film(context.film_shape());
-  Run run;
+  Rendered run;
   run.digests.resize(starts.size());
   run.states.resize(starts.size());
   const std::vector<size_t> order = shuffled(starts.size(), order_seed);
@@ -54,9 +54,9 @@ TEST(ChainSegments, NeitherThreadsNorOrderChangeABit) {
   for (int group = 0; group < 9; ++group)
     starts.push_back(
         start_chains(job.context, test::seeds_from(job.context, 1024 * group)).value());
-  const Run reference = run_chains(job.context, starts, 1, 0);
+  const Rendered reference = run_chains(job.context, starts, 1, 0);
   for (int threads : {1, 2, 7}) {
-    const Run other = run_chains(job.context, starts, threads, threads);
+    const Rendered other = run_chains(job.context, starts, threads, threads);
     EXPECT_EQ(other.values, reference.values);
     EXPECT_EQ(other.digests, reference.digests);
     EXPECT_EQ(other.states, reference.states);
@@ -110,9 +110,9 @@ TEST(ChainSegments, GroupsGoToTheirHalfAndStatistics) {
   }
 }
 
-Run run_paths(const Context& context, int threads, uint64_t order_seed, int parts) {
+Rendered run_paths(const Context& context, int threads, uint64_t order_seed, int parts) {
   film::Film film(context.film_shape());
-  Run run;
+  Rendered run;
   run.digests.resize(context.blocks());
   const std::vector<size_t> order = shuffled(context.blocks(), order_seed);
   parallel_for(order.size(), threads, [&](size_t i, int) {
@@ -131,9 +131,9 @@ Run run_paths(const Context& context, int threads, uint64_t order_seed, int part
 
 TEST(PathSegments, NeitherThreadsNorOrderNorRoundsChangeABit) {
   const test::Job job(Integrator::kPath);
-  const Run reference = run_paths(job.context, 1, 0, 1);
+  const Rendered reference = run_paths(job.context, 1, 0, 1);
   for (int threads : {1, 2, 7}) {
-    const Run other = run_paths(job.context, threads, threads, threads == 2 ? 3 : 1);
+    const Rendered other = run_paths(job.context, threads, threads, threads == 2 ? 3 : 1);
     EXPECT_EQ(other.values, reference.values);
     EXPECT_EQ(other.digests, reference.digests);
   }
@@ -141,7 +141,7 @@ TEST(PathSegments, NeitherThreadsNorOrderNorRoundsChangeABit) {
 
 TEST(PathSegments, BlocksPerSegmentOnlyGroupTheWork) {
   test::Job job(Integrator::kPath);
-  const Run reference = run_paths(job.context, 1, 0, 1);
+  const Rendered reference = run_paths(job.context, 1, 0, 1);
   Spec spec = job.context.spec();
   spec.blocks_per_segment = 5;
   const Context context(job.scene, spec);
