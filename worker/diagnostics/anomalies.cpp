@@ -21,6 +21,8 @@ const char* name_of(Place place) {
       return "emitter_sample";
     case Place::kEnvironment:
       return "environment";
+    case Place::kScattering:
+      return "scattering";
     case Place::kFilm:
       return "film";
   }

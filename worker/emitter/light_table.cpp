@@ -23,7 +23,9 @@ double luminance_of(const scene::Rgb& rgb) {
 // or of negligible brightness is still chosen now and then.
 double weight_of(const scene::Rgb& rgb) {
   const double largest = std::max({rgb[0], rgb[1], rgb[2]});
-  return std::max(luminance_of(rgb), 0.01 * largest);
+  const double weight = std::max(luminance_of(rgb), 0.01 * largest);
+  // A light whose colour is no number is kept, so that its contributions are found and counted.
+  return std::isfinite(weight) && weight >= 0 ? weight : 1;
 }
 
 }  // namespace
@@ -31,7 +33,7 @@ double weight_of(const scene::Rgb& rgb) {
 LightTable::LightTable(const scene::SceneDescription& description,
                        const geometry::Primitives& primitives)
     : primitives_(primitives) {
-  radiance_.assign(3 * primitives.shapes.size() + 1, 0.F);
+  radiance_.assign(3 * primitives.shapes.size() + geometry::kSpareFloats, 0.F);
   pick_per_area_.assign(primitives.shapes.size(), 0.F);
   pick_.assign(primitives.shapes.size(), 0.F);
   add_area_lights(description);
@@ -51,7 +53,7 @@ void LightTable::add_area_lights(const scene::SceneDescription& description) {
     if (emitter == scene::kNone) continue;
     const auto& area = std::get<AreaEmitter>(description.emitters[emitter].model);
     const double weight = std::numbers::pi * weight_of(area.radiance);
-    if (!(weight > 0)) continue;
+    if (weight == 0) continue;
     for (int k = 0; k < 3; ++k) radiance_[3 * s + k] = area.radiance[k];
     pick_per_area_[s] = static_cast<float>(weight);
     const geometry::ShapeRecord& record = primitives_.shapes[s];
@@ -78,8 +80,7 @@ double LightTable::scene_radius() const {
       high[k] = std::max(high[k], p[k] + extent);
     }
   };
-  for (size_t i = 0; i + 3 <= primitives_.positions.size(); i += 3)
-    include(&primitives_.positions[i], 0);
+  for (size_t i = 0; i < primitives_.vertex_count; ++i) include(&primitives_.positions[3 * i], 0);
   for (size_t i = 0; i < primitives_.analytic_kind.size(); ++i) {
     const float* a = &primitives_.analytic[i * kAnalyticStride];
     const bool sphere = primitives_.analytic_kind[i] == int32_t(AnalyticKind::kSphere);
@@ -93,14 +94,14 @@ void LightTable::add_other_lights(const scene::SceneDescription& description) {
   for (const scene::Emitter& emitter : description.emitters) {
     if (const auto* point = std::get_if<PointEmitter>(&emitter.model)) {
       const double power = 4 * std::numbers::pi * weight_of(point->intensity);
-      if (!(power > 0)) continue;
+      if (power == 0) continue;
       add(kPoint, static_cast<int32_t>(points_.size() / 6), power);
       for (double v : point->position) points_.push_back(static_cast<float>(v));
       for (float v : point->intensity) points_.push_back(v);
     } else if (const auto* constant = std::get_if<ConstantEmitter>(&emitter.model)) {
       const double radius = scene_radius();
       const double weight = weight_of(constant->radiance);
-      if (!(weight > 0)) continue;
+      if (weight == 0) continue;
       for (int k = 0; k < 3; ++k) environment_radiance_[k] += constant->radiance[k];
       add(kEnvironment, 0, std::numbers::pi * std::numbers::pi * radius * radius * weight);
     }

@@ -66,7 +66,7 @@ class LightTable {
   std::vector<int32_t> index_;  // primitive, or row in points_
   std::vector<double> power_;   // emptied once the distribution is made
   // By shape.
-  std::vector<float> radiance_;       // 3 per shape, 0 where it is no light; one spare
+  std::vector<float> radiance_;       // 3 per shape, 0 where it is no light
   std::vector<float> pick_per_area_;  // pdf_area of choosing any point of the shape
   std::vector<float> pick_;           // probability of choosing the shape (analytic shapes)
   std::vector<float> points_;         // 6 per point light: position, intensity / probability

@@ -10,7 +10,7 @@ namespace metrofarm::film {
 class Filter {
  public:
   // Pixels per axis that one splat can reach.
-  static constexpr int kMaxReach = 16;
+  static constexpr int kMaxReach = 40;
 
   // Requires: reach of the radius below kMaxReach (see fits()).
   explicit Filter(const scene::Film& film);

@@ -48,8 +48,9 @@ class Builder {
     }
     out_.triangle_count = static_cast<int32_t>(out_.indices.size() / 3);
     for (size_t s = 0; s < count; ++s) add_analytic(static_cast<int32_t>(s));
-    out_.positions.push_back(0.F);
-    if (wants_normals_) out_.normals.push_back(0.F);
+    out_.vertex_count = out_.positions.size() / 3;
+    out_.positions.resize(out_.positions.size() + kSpareFloats, 0.F);
+    if (wants_normals_) out_.normals.resize(out_.normals.size() + kSpareFloats, 0.F);
     return std::move(out_);
   }
 

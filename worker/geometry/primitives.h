@@ -21,12 +21,13 @@ struct ShapeRecord {
 
 struct Primitives {
   // ---- triangles ----
-  // Vertex tables end with one spare float, for loads that are four floats wide.
+  // Vertex tables end with kSpareFloats more, for loads that are four floats wide.
   std::vector<float> positions;  // 3 per vertex
   std::vector<float> normals;    // 3 per vertex; zero where the mesh has none; empty if none has
   std::vector<float> texcoords;  // 2 per vertex; zero where the mesh has none; empty if none has
   std::vector<int32_t> indices;  // 3 per triangle
   int32_t triangle_count = 0;
+  size_t vertex_count = 0;
 
   // ---- analytic shapes, 10 floats each ----
   // sphere: center (3), radius; disk: center (3), first half-axis (3), second half-axis (3)
@@ -46,6 +47,8 @@ struct Primitives {
 };
 
 inline constexpr int kAnalyticStride = 10;
+// Enough for a masked load from an empty table too.
+inline constexpr int kSpareFloats = 4;
 
 // Concatenates the shapes of a scene. Mesh data is moved out of the description.
 Primitives build_primitives(scene::SceneDescription& description);

@@ -98,7 +98,7 @@ struct Tracer::Impl {
   void add_triangles(const Primitives& p) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                               p.positions.data(), 0, 3 * sizeof(float), p.positions.size() / 3);
+                               p.positions.data(), 0, 3 * sizeof(float), p.vertex_count);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                p.indices.data(), 0, 3 * sizeof(int32_t), p.indices.size() / 3);
     rtcCommitGeometry(geometry);

@@ -66,7 +66,7 @@ inline Vec3 abs(const Vec3& a) {
   return {xsimd::abs(a.x), xsimd::abs(a.y), xsimd::abs(a.z)};
 }
 
-// table[3 * index + 0..2] per lane; 0 outside m. The table has one spare float at its end: eight
+// table[3 * index + 0..2] per lane; 0 outside m. The table ends with spare floats: eight
 // four-wide loads and a transpose take about half the time of three gathers (Zen 4).
 inline Vec3 gather3(const float* table, Int index, Mask m) {
   const __m256i masked = _mm256_and_si256(index, _mm256_castps_si256(m));

@@ -81,7 +81,7 @@ Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescrip
   spec.height = static_cast<int>(std::min(s.height(), 1U << 20));
   spec.seed = s.seed();
   // Not known yet while the bootstrap runs, which does not need it.
-  spec.unit = s.unit() > 0 ? s.unit() : 1;
+  spec.unit = s.unit() == 0 ? 1 : s.unit();
   spec.blocks_per_segment = std::max(1U, s.blocks_per_segment());
   if (const std::string problem = work_unit::problem_with(spec); !problem.empty())
     return Error{"spec: " + problem};
@@ -96,9 +96,7 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   report.set_width(d.film.width);
   report.set_height(d.film.height);
   report.set_filter(filter_of(d.film.filter));
-  const film::Filter filter(d.film);
-  // What matters outside is the border of the sampled raster: none for a box of one pixel.
-  report.set_filter_radius(filter.is_pixel_box() ? 0.5 : d.film.filter_radius);
+  report.set_filter_radius(d.film.filter_radius);
   report.set_max_depth(d.integrator.max_depth);
   report.set_rr_depth(d.integrator.rr_depth);
   report.set_sample_count(d.integrator.sample_count);

@@ -15,6 +15,15 @@ namespace {
 // Survival never reaches 1, so that every path ends.
 constexpr float kLargestSurvival = 0.95F;
 
+// A shadow ray stops short of its light by what rounding can move the end of a long segment.
+constexpr float kShadowRayEnd = 1.F - 32 * 0x1p-23F;
+
+// Not "brighter than zero": a NaN must go on to where it is counted.
+Mask not_black(const Spectrum& s) {
+  const Float zero(0.F);
+  return (s.x != zero) | (s.y != zero) | (s.z != zero);
+}
+
 // Power heuristic with exponent 2, in a form that cannot overflow: 1 / (1 + (b / a)^2).
 Float power_heuristic(Float a, Float b) {
   return Float(1.F) / (Float(1.F) + sqr(b / a));
@@ -134,7 +143,7 @@ void PathTracer::add_environment(State& path, Mask missed, int depth) {
 void PathTracer::add_emission(State& path, const Vertex& v, int depth) {
   if (none(path.active) || (depth == 1 && settings_.hide_emitters)) return;
   const Spectrum emitted = scene_.lights().emitted(v.surface, path.direction, path.active);
-  const Mask lit = path.active & (max_component(emitted) > Float(0.F));
+  const Mask lit = path.active & not_black(emitted);
   if (none(lit)) return;
   const Mask delta = path.delta;
   Float weight(1.F);
@@ -157,7 +166,7 @@ void PathTracer::add_light_sample(State& path, const Vertex& v, SampleSource& so
       scene_.lights().sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
   const Vec3 wi = v.frame.to_local(light.direction);
   const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi);
-  const Mask useful = smooth & light.valid & (max_component(e.value) > Float(0.F));
+  const Mask useful = smooth & light.valid & not_black(e.value);
   if (none(useful)) return;
 
   const Mask visible = unoccluded(v, light, useful);
@@ -180,7 +189,7 @@ Mask PathTracer::unoccluded(const Vertex& v, const emitter::LightSample& light, 
   const Float distance = select(far, Float(0.F), light.distance);
   const Vec3 to_light = v.surface.position + light.direction * distance - origin;
   const Vec3 direction = select(far, light.direction, to_light);
-  const Float t_max = select(far, light.distance, Float(1.F));
+  const Float t_max = select(far, light.distance, Float(kShadowRayEnd));
   return lanes & ~scene_.tracer().occluded(lanes, origin, direction, t_max);
 }
 
@@ -199,8 +208,14 @@ void PathTracer::scatter(State& path, const Vertex& v, SampleSource& source, int
   path.reference = v.surface.position;
   path.pdf_solid_angle = s.pdf_solid_angle;
   path.delta = s.delta;
+  // A throughput that is no colour ends the path here, where its cause is known.
+  const Mask sound = diagnostics::sound(path.throughput);
+  if (any(path.active & ~sound)) {
+    diagnostics::report(path.active & ~sound, path.throughput, Place::kScattering, depth,
+                        incidents_);
+  }
   const Float brightest = max_component(path.throughput);
-  path.active = path.active & (brightest > Float(0.F));
+  path.active = path.active & sound & (brightest > Float(0.F));
   if (depth >= settings_.rr_depth) {
     const Float survival = xsimd::min(brightest * path.eta2, Float(kLargestSurvival));
     path.active = path.active & (lobe.second < survival);

@@ -89,7 +89,8 @@ bool read_lane(Reader& r, PackState& pack, int lane) {
   RenderTarget::Payload& p = pack.payload[lane];
   for (float* v : {&p.x, &p.y, &p.rgb[0], &p.rgb[1], &p.rgb[2]}) *v = r.get<float>();
   const float f = pack.chains.f[lane];
-  const bool sound = f > 0 && std::isfinite(f) && std::isfinite(p.x) && std::isfinite(p.y);
+  bool sound = f > 0 && std::isfinite(f) && std::isfinite(p.x) && std::isfinite(p.y);
+  for (float v : p.rgb) sound = sound && v >= 0 && std::isfinite(v);
   return r.complete() && sound && read_pairs(r, pack.pairs[lane]);
 }
 

@@ -20,7 +20,7 @@ const (
 // Border is the number of extra pixels on each side of the film from which light reaches it: none
 // for a box, else the filter's radius rounded up.
 func Border(report *scenev1.SceneReport) int {
-	if report.GetFilter() == scenev1.Filter_FILTER_BOX {
+	if report.GetFilter() == scenev1.Filter_FILTER_BOX && report.GetFilterRadius() == 0.5 {
 		return 0
 	}
 	return int(math.Ceil(report.GetFilterRadius()))
