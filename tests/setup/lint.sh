@@ -10,7 +10,7 @@ cd "$(dirname "$0")/../.." || exit
 . tests/setup/environment.sh
 
 cpp_sources() { find worker -name '*.cpp' -o -name '*.h' | sort; }
-shell_sources() { { echo .ci/run; find tests services deploy -name '*.sh'; } | sort; }
+shell_sources() { { echo .ci/run; find tests services -name '*.sh'; } | sort; }
 
 check_cpp() {
   local unformatted

@@ -136,7 +136,7 @@ work_unit::ChainSeeds draw_seeds(const std::vector<float>& values, double mean, 
 Result<Figures> render_chains(const Context& context, const Options& o,
                               const std::vector<float>& values, film::Film& film) {
   const uint64_t pixels = uint64_t(context.spec().width) * context.spec().height;
-  const uint64_t mutations = o.per_pixel * pixels / (kGroups * work_unit::kGroupSize) + 1;
+  const uint64_t mutations = o.per_pixel * pixels / (uint64_t{kGroups} * work_unit::kGroupSize) + 1;
   std::vector<work_unit::ChainGroup> groups(kGroups);
   for (uint32_t g = 0; g < kGroups; ++g) {
     auto state = work_unit::start_chains(context, draw_seeds(values, context.spec().unit, g));

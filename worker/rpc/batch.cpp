@@ -12,7 +12,7 @@ using work::v1::Tile;
 namespace {
 
 // Keeps each message well under 1 MiB.
-constexpr size_t kMessageBytes = 512 * 1024;
+constexpr size_t kMessageBytes = size_t{512} * 1024;
 
 // All tiles of the film, empty ones as nullopt, in a fixed order.
 std::vector<std::optional<Tile>> encode_all(const film::Film& film, int threads) {

@@ -129,7 +129,7 @@ size_t segments_in(const std::vector<work::v1::Task>& tasks) {
   return n;
 }
 
-void run_tasks(std::vector<work::v1::Task> tasks, TaskRunner& runner, Leases& leases,
+void run_tasks(const std::vector<work::v1::Task>& tasks, TaskRunner& runner, Leases& leases,
                Courier& courier, BatchSize& size) {
   for (const work::v1::Task& task : tasks) leases.hold(task);
   const auto start = Clock::now();
@@ -169,8 +169,8 @@ int run_worker(const WorkerOptions& options, const std::function<bool()>& stop_r
         std::this_thread::sleep_for(std::chrono::milliseconds(200));
         continue;
       }
-      std::vector<work::v1::Task> tasks(response.tasks().begin(), response.tasks().end());
-      if (!tasks.empty()) run_tasks(std::move(tasks), runner, leases, courier, size);
+      const std::vector<work::v1::Task> tasks(response.tasks().begin(), response.tasks().end());
+      if (!tasks.empty()) run_tasks(tasks, runner, leases, courier, size);
       if (response.drain()) break;
     }
   }

@@ -4,8 +4,6 @@
 
 namespace metrofarm::work_unit {
 
-using diagnostics::AnomalyLog;
-using diagnostics::Place;
 using metropolis::Layer;
 using metropolis::Which;
 
