@@ -608,7 +608,7 @@ type Anomaly struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// What was wrong.
 	Kind AnomalyKind `protobuf:"varint,1,opt,name=kind,proto3,enum=metrofarm.work.v1.AnomalyKind" json:"kind,omitempty"`
-	// Where it arose: "emission", "emitter_sample", "film".
+	// Where it arose: "emission", "emitter_sample", "environment", "scattering", "film".
 	Place string `protobuf:"bytes,2,opt,name=place,proto3" json:"place,omitempty"`
 	// Path edges at which it arose.
 	Depth uint32 `protobuf:"varint,3,opt,name=depth,proto3" json:"depth,omitempty"`
@@ -944,8 +944,9 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 //
 // The film has full-resolution planes and low-resolution planes. With L layers (PSSMLT: layer 0 is
 // weighted by the chains, layer 1 holds the large steps; PATH: one layer), full plane h * L + l is
-// half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, summed over cells of
-// ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells. Each plane has 3 channels (R, G, B)
+// half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, over cells of
+// ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells: each splat counts once, in the cell that
+// its raster position falls into, without the filter; splats outside the image do not count. Each plane has 3 channels (R, G, B)
 // of signed 64-bit values, 2^32 to the unit, added modulo 2^64.
 type BatchHeader struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
