@@ -2,7 +2,7 @@
 //
 // A splat of value v adds floor(v 2^32 + dither) with dither uniform in [0, 1), so that its
 // expectation is v 2^32. Addition is modulo 2^64 and never saturates: merging films depends on no
-// order, thread or retry. See metrofarm.work.v1.BatchHeader for the planes and the digest.
+// order, thread or retry. See metrofarm.farm.v1.BatchHeader for the planes and the digest.
 #pragma once
 
 #include <cstdint>

@@ -7,7 +7,7 @@
 
 namespace metrofarm::rpc {
 
-using work::v1::Tile;
+using farm::v1::Tile;
 
 namespace {
 
@@ -44,7 +44,7 @@ std::vector<std::optional<Tile>> encode_all(const film::Film& film, int threads)
 
 }  // namespace
 
-Batch seal(work::v1::BatchHeader header, const film::Film& film, int threads) {
+Batch seal(farm::v1::BatchHeader header, const film::Film& film, int threads) {
   Batch batch;
   uint64_t digest = 0;
   for (const auto& segment : header.segments()) digest += segment.digest();

@@ -112,7 +112,7 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   return report;
 }
 
-void fill_counts(const work_unit::SegmentOutput& output, work::v1::SegmentCounts& counts) {
+void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts& counts) {
   const work_unit::Counts& c = output.counts;
   counts.set_mutations(c.mutations);
   counts.set_path_evaluations(c.path_evaluations);
@@ -124,8 +124,8 @@ void fill_counts(const work_unit::SegmentOutput& output, work::v1::SegmentCounts
   for (uint64_t n : output.anomalies.counts()) counts.add_anomalies(n);
 }
 
-void fill_anomaly(const diagnostics::Anomaly& anomaly, work::v1::Anomaly& out) {
-  out.set_kind(static_cast<work::v1::AnomalyKind>(anomaly.incident.kind));
+void fill_anomaly(const diagnostics::Anomaly& anomaly, farm::v1::Anomaly& out) {
+  out.set_kind(static_cast<farm::v1::AnomalyKind>(anomaly.incident.kind));
   out.set_place(diagnostics::name_of(anomaly.incident.place));
   out.set_depth(anomaly.incident.depth);
   for (uint32_t word : anomaly.primary_sample) out.add_primary_sample(word);

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "base/result.h"
+#include "metrofarm/farm/v1/task.pb.h"
 #include "metrofarm/job/v1/spec.pb.h"
-#include "metrofarm/work/v1/task.pb.h"
 #include "transport/scene.h"
 #include "work_unit/context.h"
 #include "work_unit/units.h"
@@ -20,7 +20,7 @@ struct LoadTimes {
 };
 metrofarm::scene::v1::SceneReport to_report(const transport::Scene& scene, const LoadTimes& times);
 
-void fill_counts(const work_unit::SegmentOutput& output, work::v1::SegmentCounts& counts);
-void fill_anomaly(const diagnostics::Anomaly& anomaly, work::v1::Anomaly& out);
+void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts& counts);
+void fill_anomaly(const diagnostics::Anomaly& anomaly, farm::v1::Anomaly& out);
 
 }  // namespace metrofarm::rpc

@@ -43,7 +43,7 @@ FarmClient::FarmClient(const std::string& address, WorkerIdentity identity)
   arguments.SetMaxSendMessageSize(kLargestMessage);
   // A coordinator that comes back should be found soon.
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  stub_ = work::v1::FarmService::NewStub(
+  stub_ = farm::v1::FarmService::NewStub(
       grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
 }
 
@@ -53,12 +53,12 @@ std::string FarmClient::worker_id() const {
 }
 
 bool FarmClient::register_once() {
-  work::v1::RegisterRequest request;
+  farm::v1::RegisterRequest request;
   request.set_name(identity_.name);
   request.set_version(identity_.version);
   request.set_threads(identity_.threads);
   request.set_instance(identity_.instance);
-  work::v1::RegisterResponse response;
+  farm::v1::RegisterResponse response;
   ClientContext context;
   set_deadline(context, 10);
   const Status status = stub_->Register(&context, request, &response);
@@ -103,9 +103,9 @@ bool FarmClient::retry(const char* what, double deadline_seconds, Attempt&& atte
 }
 
 bool FarmClient::lease(uint32_t max_segments, double wait_seconds,
-                       work::v1::LeaseResponse& response) {
+                       farm::v1::LeaseResponse& response) {
   return retry("lease", wait_seconds + 20, [&](ClientContext& context) {
-    work::v1::LeaseRequest request;
+    farm::v1::LeaseRequest request;
     request.set_worker_id(worker_id());
     request.set_max_segments(max_segments);
     request.set_wait_seconds(wait_seconds);
@@ -113,22 +113,22 @@ bool FarmClient::lease(uint32_t max_segments, double wait_seconds,
   });
 }
 
-bool FarmClient::report(work::v1::ReportRequest request, work::v1::ReportResponse& response) {
+bool FarmClient::report(farm::v1::ReportRequest request, farm::v1::ReportResponse& response) {
   return retry("report", 60, [&](ClientContext& context) {
     request.set_worker_id(worker_id());
     return stub_->Report(&context, request, &response);
   });
 }
 
-bool FarmClient::deliver(const Batch& batch, work::v1::DeliverResponse& response) {
+bool FarmClient::deliver(const Batch& batch, farm::v1::DeliverResponse& response) {
   return retry("deliver", 300, [&](ClientContext& context) {
     const auto stream = stub_->Deliver(&context, &response);
-    work::v1::DeliverRequest opening;
+    farm::v1::DeliverRequest opening;
     opening.mutable_header()->set_worker_id(worker_id());
     *opening.mutable_header()->mutable_batch() = batch.header;
     bool open = stream->Write(opening);
     for (size_t i = 0; open && i < batch.tiles.size(); ++i) {
-      work::v1::DeliverRequest message;
+      farm::v1::DeliverRequest message;
       *message.mutable_tiles() = batch.tiles[i];
       open = stream->Write(message);
     }
@@ -137,8 +137,8 @@ bool FarmClient::deliver(const Batch& batch, work::v1::DeliverResponse& response
   });
 }
 
-bool FarmClient::heartbeat(work::v1::HeartbeatRequest request,
-                           work::v1::HeartbeatResponse& response) {
+bool FarmClient::heartbeat(farm::v1::HeartbeatRequest request,
+                           farm::v1::HeartbeatResponse& response) {
   ClientContext context;
   set_deadline(context, 5);
   request.set_worker_id(worker_id());
@@ -150,11 +150,11 @@ bool FarmClient::heartbeat(work::v1::HeartbeatRequest request,
 std::string FarmClient::fetch_bundle(const std::string& digest, BundleWriter& writer) {
   std::string problem;
   const bool fetched = retry("fetch bundle", 3600, [&](ClientContext& context) {
-    work::v1::FetchBundleRequest request;
+    farm::v1::FetchBundleRequest request;
     request.set_worker_id(worker_id());
     request.set_bundle_digest(digest);
     const auto stream = stub_->FetchBundle(&context, request);
-    work::v1::FetchBundleResponse piece;
+    farm::v1::FetchBundleResponse piece;
     while (problem.empty() && stream->Read(&piece)) {
       problem = piece.has_manifest() ? writer.begin(piece.manifest(), digest)
                                      : writer.append(piece.data());

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <string>
 
-#include "metrofarm/work/v1/farm_service.grpc.pb.h"
+#include "metrofarm/farm/v1/farm_service.grpc.pb.h"
 #include "rpc/batch.h"
 #include "rpc/bundle_cache.h"
 
@@ -33,11 +33,11 @@ class FarmClient {
   double heartbeat_seconds() const { return heartbeat_seconds_; }
 
   // These return false if stopped, or if the coordinator refused in a way that must not be retried.
-  bool lease(uint32_t max_segments, double wait_seconds, work::v1::LeaseResponse& response);
-  bool report(work::v1::ReportRequest request, work::v1::ReportResponse& response);
-  bool deliver(const Batch& batch, work::v1::DeliverResponse& response);
+  bool lease(uint32_t max_segments, double wait_seconds, farm::v1::LeaseResponse& response);
+  bool report(farm::v1::ReportRequest request, farm::v1::ReportResponse& response);
+  bool deliver(const Batch& batch, farm::v1::DeliverResponse& response);
   // One attempt; failing is no news, the next beat follows.
-  bool heartbeat(work::v1::HeartbeatRequest request, work::v1::HeartbeatResponse& response);
+  bool heartbeat(farm::v1::HeartbeatRequest request, farm::v1::HeartbeatResponse& response);
   // Empty on success, else what went wrong.
   std::string fetch_bundle(const std::string& digest, BundleWriter& writer);
 
@@ -50,7 +50,7 @@ class FarmClient {
   std::string worker_id() const;
 
   WorkerIdentity identity_;
-  std::unique_ptr<work::v1::FarmService::Stub> stub_;
+  std::unique_ptr<farm::v1::FarmService::Stub> stub_;
   std::atomic<bool> stopping_{false};
   mutable std::mutex mutex_;  // guards the two below
   std::string worker_id_;

@@ -15,7 +15,7 @@ Leases::~Leases() {
   thread_.join();
 }
 
-void Leases::hold(const work::v1::Task& task) {
+void Leases::hold(const farm::v1::Task& task) {
   const std::lock_guard lock(mutex_);
   held_[task.task_id()] = {task.epoch(), 0, false};
 }
@@ -47,10 +47,10 @@ bool Leases::drain_requested() const {
   return drain_;
 }
 
-work::v1::HeartbeatRequest Leases::request() const {
-  work::v1::HeartbeatRequest r;
+farm::v1::HeartbeatRequest Leases::request() const {
+  farm::v1::HeartbeatRequest r;
   for (const auto& [task_id, held] : held_) {
-    work::v1::LeaseProgress* progress = r.add_leases();
+    farm::v1::LeaseProgress* progress = r.add_leases();
     progress->mutable_lease()->set_task_id(task_id);
     progress->mutable_lease()->set_epoch(held.epoch);
     progress->set_fraction(held.fraction);
@@ -59,13 +59,13 @@ work::v1::HeartbeatRequest Leases::request() const {
   return r;
 }
 
-void Leases::obey(const work::v1::HeartbeatResponse& response) {
+void Leases::obey(const farm::v1::HeartbeatResponse& response) {
   drain_ = drain_ || response.drain();
-  for (const work::v1::LeaseDirective& d : response.directives()) {
+  for (const farm::v1::LeaseDirective& d : response.directives()) {
     const auto it = held_.find(d.lease().task_id());
     // An answer about an older lease of the same task is no word on this one.
     if (it == held_.end() || it->second.epoch != d.lease().epoch()) continue;
-    if (d.directive() == work::v1::DIRECTIVE_ABANDON) it->second.abandoned = true;
+    if (d.directive() == farm::v1::DIRECTIVE_ABANDON) it->second.abandoned = true;
   }
 }
 
@@ -74,9 +74,9 @@ void Leases::beat_until_stopped() {
   while (!stopping_) {
     wake_.wait_for(lock, std::chrono::duration<double>(client_.heartbeat_seconds()));
     if (stopping_) break;
-    const work::v1::HeartbeatRequest beat = request();
+    const farm::v1::HeartbeatRequest beat = request();
     lock.unlock();
-    work::v1::HeartbeatResponse response;
+    farm::v1::HeartbeatResponse response;
     const bool answered = client_.heartbeat(beat, response);
     lock.lock();
     if (answered) obey(response);

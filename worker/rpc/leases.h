@@ -8,7 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "metrofarm/work/v1/task.pb.h"
+#include "metrofarm/farm/v1/task.pb.h"
 #include "rpc/farm_client.h"
 
 namespace metrofarm::rpc {
@@ -19,7 +19,7 @@ class Leases {
   explicit Leases(FarmClient& client);
   ~Leases();
 
-  void hold(const work::v1::Task& task);
+  void hold(const farm::v1::Task& task);
   void release(const std::string& task_id);
   void set_activity(const std::string& activity);
   void set_fraction(const std::string& task_id, double fraction);
@@ -36,8 +36,8 @@ class Leases {
     bool abandoned = false;
   };
   void beat_until_stopped();
-  work::v1::HeartbeatRequest request() const;
-  void obey(const work::v1::HeartbeatResponse& response);
+  farm::v1::HeartbeatRequest request() const;
+  void obey(const farm::v1::HeartbeatResponse& response);
 
   FarmClient& client_;
   mutable std::mutex mutex_;

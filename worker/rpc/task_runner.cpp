@@ -9,7 +9,7 @@
 
 namespace metrofarm::rpc {
 
-using work::v1::Task;
+using farm::v1::Task;
 using work_unit::Context;
 
 namespace {
@@ -20,14 +20,14 @@ double thread_cpu_seconds() {
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
 
-void fill_lease(const Task& task, work::v1::LeaseRef& lease) {
+void fill_lease(const Task& task, farm::v1::LeaseRef& lease) {
   lease.set_task_id(task.task_id());
   lease.set_epoch(task.epoch());
 }
 
-work::v1::ReportRequest failure_report(const Task& task, work::v1::FailureReason reason,
+farm::v1::ReportRequest failure_report(const Task& task, farm::v1::FailureReason reason,
                                        const std::string& message) {
-  work::v1::ReportRequest report;
+  farm::v1::ReportRequest report;
   fill_lease(task, *report.mutable_lease());
   report.mutable_failure()->set_reason(reason);
   report.mutable_failure()->set_message(message);
@@ -43,7 +43,7 @@ struct TaskRunner::Segment {
   const Task* task = nullptr;
   uint32_t number = 0;
   uint32_t round = 0;
-  const work::v1::ChainGroupState* chains = nullptr;  // null: independent paths
+  const farm::v1::ChainGroupState* chains = nullptr;  // null: independent paths
   uint64_t size = 0;                                  // mutations per chain or samples per pixel
   uint64_t first_sample = 0;                          // independent paths
 
@@ -57,7 +57,7 @@ struct TaskRunner::Segment {
 TaskRunner::TaskRunner(SceneCache& scenes, Leases& leases, int threads)
     : scenes_(scenes), leases_(leases), threads_(threads) {}
 
-TaskResults TaskRunner::fail_all(const std::vector<Task>& tasks, work::v1::FailureReason reason,
+TaskResults TaskRunner::fail_all(const std::vector<Task>& tasks, farm::v1::FailureReason reason,
                                  const std::string& message) {
   TaskResults results;
   for (const Task& task : tasks) results.reports.push_back(failure_report(task, reason, message));
@@ -71,12 +71,12 @@ TaskResults TaskRunner::run(const std::vector<Task>& tasks) {
     leases_.set_activity(std::string(what));
     leases_.set_fraction(first.task_id(), fraction);
   });
-  if (!loaded) return fail_all(tasks, work::v1::FAILURE_REASON_SCENE, loaded.error().to_string());
+  if (!loaded) return fail_all(tasks, farm::v1::FAILURE_REASON_SCENE, loaded.error().to_string());
   const LoadedScene& scene = *loaded.value();
 
   TaskResults results;
   if (first.has_inspect()) {
-    work::v1::ReportRequest report;
+    farm::v1::ReportRequest report;
     fill_lease(first, *report.mutable_lease());
     *report.mutable_scene() = to_report(*scene.scene, scene.times);
     results.reports.push_back(std::move(report));
@@ -84,7 +84,7 @@ TaskResults TaskRunner::run(const std::vector<Task>& tasks) {
   }
   leases_.set_activity("rendering");
   const auto spec = to_spec(first.spec(), scene.scene->description());
-  if (!spec) return fail_all(tasks, work::v1::FAILURE_REASON_WORKER, spec.error().to_string());
+  if (!spec) return fail_all(tasks, farm::v1::FAILURE_REASON_WORKER, spec.error().to_string());
   const Context context(*scene.scene, spec.value());
   if (first.has_bootstrap()) {
     for (const Task& task : tasks) run_bootstrap(context, task, results);
@@ -95,9 +95,9 @@ TaskResults TaskRunner::run(const std::vector<Task>& tasks) {
 }
 
 void TaskRunner::run_bootstrap(const Context& context, const Task& task, TaskResults& results) {
-  const work::v1::BootstrapTask& range = task.bootstrap();
+  const farm::v1::BootstrapTask& range = task.bootstrap();
   if (range.first_index() % kLanes != 0 || range.count() % kLanes != 0 || range.count() > 65536) {
-    results.reports.push_back(failure_report(task, work::v1::FAILURE_REASON_WORKER,
+    results.reports.push_back(failure_report(task, farm::v1::FAILURE_REASON_WORKER,
                                              "bootstrap range is not made of whole packs"));
     return;
   }
@@ -113,9 +113,9 @@ void TaskRunner::run_bootstrap(const Context& context, const Task& task, TaskRes
     cpu[i] = thread_cpu_seconds() - start;
   });
 
-  work::v1::ReportRequest report;
+  farm::v1::ReportRequest report;
   fill_lease(task, *report.mutable_lease());
-  work::v1::BootstrapResult& result = *report.mutable_bootstrap();
+  farm::v1::BootstrapResult& result = *report.mutable_bootstrap();
   result.set_first_index(range.first_index());
   diagnostics::AnomalyLog anomalies;
   for (size_t i = 0; i < chunks; ++i) {
@@ -184,10 +184,10 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
 
 namespace {
 
-void fill_sums(const work_unit::ChainGroup& group, work::v1::SegmentResult& result) {
+void fill_sums(const work_unit::ChainGroup& group, farm::v1::SegmentResult& result) {
   for (const work_unit::PackState& pack : group.state) {
     for (const metropolis::LargeStepSums& sums : pack.chains.sums) {
-      work::v1::LargeStepSums& out = *result.add_large_step_sums();
+      farm::v1::LargeStepSums& out = *result.add_large_step_sums();
       out.set_count(sums.count);
       out.set_sum(sums.sum);
       out.set_sum_squares(sums.sum_squares);
@@ -213,7 +213,7 @@ void TaskRunner::run_segments(const Context& context, std::vector<Segment> segme
     film::Film film(context.film_shape());
     parallel_for(end - begin, threads_,
                  [&](size_t i, int) { render(context, film, segments[begin + i]); });
-    work::v1::BatchHeader header;
+    farm::v1::BatchHeader header;
     header.set_job_id(segments[begin].task->job_id());
     header.set_round(segments[begin].round);
     diagnostics::AnomalyLog anomalies;
@@ -221,9 +221,9 @@ void TaskRunner::run_segments(const Context& context, std::vector<Segment> segme
       const Segment& s = segments[i];
       if (!s.failure.empty())
         results.reports.push_back(
-            failure_report(*s.task, work::v1::FAILURE_REASON_REPLAY, s.failure));
+            failure_report(*s.task, farm::v1::FAILURE_REASON_REPLAY, s.failure));
       if (!s.done) continue;
-      work::v1::SegmentResult& result = *header.add_segments();
+      farm::v1::SegmentResult& result = *header.add_segments();
       result.set_segment(s.number);
       fill_lease(*s.task, *result.mutable_lease());
       result.set_digest(s.output.digest);

@@ -14,7 +14,7 @@ namespace metrofarm::rpc {
 
 // What came of the tasks of one lease answer.
 struct TaskResults {
-  std::vector<work::v1::ReportRequest> reports;
+  std::vector<farm::v1::ReportRequest> reports;
   std::vector<Batch> batches;
 };
 
@@ -23,16 +23,16 @@ class TaskRunner {
   TaskRunner(SceneCache& scenes, Leases& leases, int threads);
 
   // All tasks belong to one job and one phase.
-  TaskResults run(const std::vector<work::v1::Task>& tasks);
+  TaskResults run(const std::vector<farm::v1::Task>& tasks);
 
  private:
   struct Segment;  // one segment to be rendered, and its outcome
 
-  TaskResults fail_all(const std::vector<work::v1::Task>& tasks, work::v1::FailureReason reason,
+  TaskResults fail_all(const std::vector<farm::v1::Task>& tasks, farm::v1::FailureReason reason,
                        const std::string& message);
-  void run_bootstrap(const work_unit::Context& context, const work::v1::Task& task,
+  void run_bootstrap(const work_unit::Context& context, const farm::v1::Task& task,
                      TaskResults& results);
-  std::vector<Segment> segments_of(const std::vector<work::v1::Task>& tasks) const;
+  std::vector<Segment> segments_of(const std::vector<farm::v1::Task>& tasks) const;
   void render(const work_unit::Context& context, film::Film& film, Segment& segment);
   void run_segments(const work_unit::Context& context, std::vector<Segment> segments,
                     TaskResults& results);

@@ -1,4 +1,4 @@
-// The wire form of film tiles: byte-shuffled values in a zstd frame. See metrofarm.work.v1.Tile.
+// The wire form of film tiles: byte-shuffled values in a zstd frame. See metrofarm.farm.v1.Tile.
 #pragma once
 
 #include <cstdint>

@@ -72,22 +72,22 @@ class Courier {
   }
 
   void deliver(const TaskResults& results) {
-    for (const work::v1::ReportRequest& report : results.reports) {
-      work::v1::ReportResponse response;
+    for (const farm::v1::ReportRequest& report : results.reports) {
+      farm::v1::ReportResponse response;
       if (client_.report(report, response)) note(response.outcome(), response.message());
       leases_.release(report.lease().task_id());
     }
     for (const Batch& batch : results.batches) {
-      work::v1::DeliverResponse response;
+      farm::v1::DeliverResponse response;
       if (client_.deliver(batch, response)) note(response.outcome(), response.message());
       for (const auto& segment : batch.header.segments())
         leases_.release(segment.lease().task_id());
     }
   }
 
-  void note(work::v1::Outcome outcome, const std::string& message) {
-    if (outcome == work::v1::OUTCOME_CONFLICT) scenes_.clear();
-    if (outcome == work::v1::OUTCOME_CONFLICT || outcome == work::v1::OUTCOME_REJECTED)
+  void note(farm::v1::Outcome outcome, const std::string& message) {
+    if (outcome == farm::v1::OUTCOME_CONFLICT) scenes_.clear();
+    if (outcome == farm::v1::OUTCOME_CONFLICT || outcome == farm::v1::OUTCOME_REJECTED)
       std::fprintf(stderr, "metrofarm-worker: result refused: %s\n", message.c_str());
   }
 
@@ -120,24 +120,24 @@ class BatchSize {
   uint32_t segments_;
 };
 
-size_t segments_in(const std::vector<work::v1::Task>& tasks) {
+size_t segments_in(const std::vector<farm::v1::Task>& tasks) {
   size_t n = 0;
-  for (const work::v1::Task& task : tasks) {
+  for (const farm::v1::Task& task : tasks) {
     if (task.has_chains()) n += static_cast<size_t>(task.chains().groups_size());
     if (task.has_paths()) n += task.paths().segment_count();
   }
   return n;
 }
 
-void run_tasks(const std::vector<work::v1::Task>& tasks, TaskRunner& runner, Leases& leases,
+void run_tasks(const std::vector<farm::v1::Task>& tasks, TaskRunner& runner, Leases& leases,
                Courier& courier, BatchSize& size) {
-  for (const work::v1::Task& task : tasks) leases.hold(task);
+  for (const farm::v1::Task& task : tasks) leases.hold(task);
   const auto start = Clock::now();
   TaskResults results = runner.run(tasks);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   if (const size_t segments = segments_in(tasks); segments > 0) size.observe(segments, seconds);
   // Abandoned tasks bring nothing back.
-  for (const work::v1::Task& task : tasks)
+  for (const farm::v1::Task& task : tasks)
     if (leases.abandoned(task.task_id())) leases.release(task.task_id());
   courier.send(std::move(results));
 }
@@ -164,12 +164,12 @@ int run_worker(const WorkerOptions& options, const std::function<bool()>& stop_r
   {
     Courier courier(client, leases, scenes);
     while (!stop_requested() && !leases.drain_requested()) {
-      work::v1::LeaseResponse response;
+      farm::v1::LeaseResponse response;
       if (!client.lease(size.segments(), kLeaseWaitSeconds, response)) {
         std::this_thread::sleep_for(std::chrono::milliseconds(200));
         continue;
       }
-      const std::vector<work::v1::Task> tasks(response.tasks().begin(), response.tasks().end());
+      const std::vector<farm::v1::Task> tasks(response.tasks().begin(), response.tasks().end());
       if (!tasks.empty()) run_tasks(tasks, runner, leases, courier, size);
       if (response.drain()) break;
     }

@@ -6,7 +6,7 @@ import (
 	"fmt"
 	"time"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/lease"
 	"metrofarm/services/internal/merge"
@@ -19,14 +19,14 @@ type Delivery struct {
 	c         *Coordinator
 	run       *run
 	worker    worker
-	header    *workv1.BatchHeader
+	header    *farmv1.BatchHeader
 	assembler *merge.Assembler
-	verdict   *workv1.DeliverResponse // known before the end: the rest is only read, not unpacked
+	verdict   *farmv1.DeliverResponse // known before the end: the rest is only read, not unpacked
 	held      bool                    // a slot of c.slots
 }
 
 // StartDelivery opens a batch. It waits while too many others are being unpacked.
-func (c *Coordinator) StartDelivery(ctx context.Context, in *workv1.DeliverHeader) (*Delivery, error) {
+func (c *Coordinator) StartDelivery(ctx context.Context, in *farmv1.DeliverHeader) (*Delivery, error) {
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
@@ -36,7 +36,7 @@ func (c *Coordinator) StartDelivery(ctx context.Context, in *workv1.DeliverHeade
 	d.run = c.jobs[d.header.GetJobId()]
 	c.mu.Unlock()
 	if d.run == nil {
-		d.decide(workv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
 		return d, nil
 	}
 	d.open()
@@ -59,7 +59,7 @@ func (d *Delivery) open() {
 	defer r.mu.Unlock()
 	switch {
 	case r.rec.State != job.Rendering || r.finishing != nil:
-		d.decide(workv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
 	case r.spec.GetWorkerVersion() != d.worker.version:
 		d.reject("the job is rendered by workers of version " + r.spec.GetWorkerVersion())
@@ -78,7 +78,7 @@ func (d *Delivery) open() {
 }
 
 // Add takes tiles. Once the batch is known to be bad it does nothing.
-func (d *Delivery) Add(tiles []*workv1.Tile) {
+func (d *Delivery) Add(tiles []*farmv1.Tile) {
 	if d.verdict != nil {
 		return
 	}
@@ -91,7 +91,7 @@ func (d *Delivery) Add(tiles []*workv1.Tile) {
 
 // Finish merges the batch, or not, and says what became of it. complete is false when the stream
 // broke off: then nothing is merged.
-func (d *Delivery) Finish(complete bool) *workv1.DeliverResponse {
+func (d *Delivery) Finish(complete bool) *farmv1.DeliverResponse {
 	if d.held {
 		defer func() { <-d.c.slots }()
 	}
@@ -120,7 +120,7 @@ func (d *Delivery) settle() {
 		d.reject(err.Error())
 		return
 	case r.rec.State != job.Rendering || r.finishing != nil:
-		d.decide(workv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
 	}
 	verdict, err := r.state.Judge(batch)
@@ -131,12 +131,12 @@ func (d *Delivery) settle() {
 		d.commit(batch)
 		d.c.metrics.mergeSeconds.Observe(time.Since(start).Seconds())
 	case verdict == round.Duplicate:
-		d.decide(workv1.Outcome_OUTCOME_DUPLICATE, "")
+		d.decide(farmv1.Outcome_OUTCOME_DUPLICATE, "")
 	case verdict == round.Conflict:
 		d.conflict("a segment was counted with another digest")
 	default:
 		d.release()
-		d.decide(workv1.Outcome_OUTCOME_SUPERSEDED, "part of it was counted before, or its round is not wanted")
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "part of it was counted before, or its round is not wanted")
 	}
 }
 
@@ -144,7 +144,7 @@ func (d *Delivery) settle() {
 func (d *Delivery) commit(batch *merge.Batch) {
 	r := d.run
 	if batch.Round > r.lastRound() {
-		d.decide(workv1.Outcome_OUTCOME_SUPERSEDED, "the round is not wanted any more")
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the round is not wanted any more")
 		return
 	}
 	r.state.Commit(batch)
@@ -167,7 +167,7 @@ func (d *Delivery) commit(batch *merge.Batch) {
 	if r.state.Complete() {
 		d.c.wake()
 	}
-	d.decide(workv1.Outcome_OUTCOME_COMMITTED, "")
+	d.decide(farmv1.Outcome_OUTCOME_COMMITTED, "")
 }
 
 // conflict requires: run.mu.
@@ -175,13 +175,13 @@ func (d *Delivery) conflict(message string) {
 	d.c.flag(d.worker.id)
 	d.run.publish("fault", fmt.Sprintf("worker %s delivered a conflicting batch of round %d: %s", d.worker.name, d.header.GetRound(), message), nil)
 	d.blame(message)
-	d.decide(workv1.Outcome_OUTCOME_CONFLICT, message)
+	d.decide(farmv1.Outcome_OUTCOME_CONFLICT, message)
 }
 
 // reject requires: run.mu.
 func (d *Delivery) reject(message string) {
 	d.blame(message)
-	d.decide(workv1.Outcome_OUTCOME_REJECTED, message)
+	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
 }
 
 // blame gives the batch's leases back as failed, so another worker tries them first. Requires:
@@ -202,8 +202,8 @@ func (d *Delivery) release() {
 	}
 }
 
-func (d *Delivery) decide(outcome workv1.Outcome, message string) {
-	d.verdict = &workv1.DeliverResponse{Outcome: outcome, Message: message}
+func (d *Delivery) decide(outcome farmv1.Outcome, message string) {
+	d.verdict = &farmv1.DeliverResponse{Outcome: outcome, Message: message}
 	d.c.log.Debug("batch", "job", d.header.GetJobId(), "round", d.header.GetRound(), "worker", d.worker.id,
 		"segments", len(d.header.GetSegments()), "outcome", outcome.String(), "message", message)
 }

@@ -9,9 +9,9 @@ import (
 
 	"google.golang.org/protobuf/proto"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/lease"
 )
@@ -28,7 +28,7 @@ const (
 var instancePattern = regexp.MustCompile(`^[0-9a-f]{32}$`)
 
 // Register introduces a worker. A repeated instance keeps its identity.
-func (c *Coordinator) Register(_ context.Context, in *workv1.RegisterRequest) (*workv1.RegisterResponse, error) {
+func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*farmv1.RegisterResponse, error) {
 	if !instancePattern.MatchString(in.GetInstance()) {
 		return nil, &job.FieldError{Field: "instance", Detail: "is not 32 hex digits"}
 	}
@@ -45,7 +45,7 @@ func (c *Coordinator) Register(_ context.Context, in *workv1.RegisterRequest) (*
 	w.name, w.version, w.threads = clip(in.GetName(), maxNameBytes), in.GetVersion(), int(in.GetThreads())
 	w.lastContact = c.options.Now()
 	c.log.Info("worker registered", "worker", w.id, "name", w.name, "version", w.version, "threads", w.threads)
-	return &workv1.RegisterResponse{WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds()}, nil
+	return &farmv1.RegisterResponse{WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds()}, nil
 }
 
 func (c *Coordinator) byInstance(instance string) *worker {
@@ -66,7 +66,7 @@ func clip(text string, limit int) string {
 
 // Lease grants tasks of the oldest job that has any for this worker, waiting for some as long as
 // the worker asks.
-func (c *Coordinator) Lease(ctx context.Context, in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+func (c *Coordinator) Lease(ctx context.Context, in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, error) {
 	wait := time.Duration(min(max(in.GetWaitSeconds(), 0), maxLeaseWait.Seconds()) * float64(time.Second))
 	deadline := time.NewTimer(wait)
 	defer deadline.Stop()
@@ -97,12 +97,12 @@ func (c *Coordinator) changes() <-chan struct{} {
 	return c.changed
 }
 
-func (c *Coordinator) tryLease(in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+func (c *Coordinator) tryLease(in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, error) {
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
 	}
-	answer := &workv1.LeaseResponse{TtlSeconds: c.options.LeaseTTL.Seconds(), Drain: w.draining}
+	answer := &farmv1.LeaseResponse{TtlSeconds: c.options.LeaseTTL.Seconds(), Drain: w.draining}
 	if w.draining {
 		return answer, nil
 	}
@@ -116,7 +116,7 @@ func (c *Coordinator) tryLease(in *workv1.LeaseRequest) (*workv1.LeaseResponse, 
 }
 
 // lease grants tasks of this job, none if the worker cannot or need not help.
-func (r *run) lease(w worker, limit int) []*workv1.Task {
+func (r *run) lease(w worker, limit int) []*farmv1.Task {
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || !r.accepts(w) {
@@ -156,7 +156,7 @@ func (r *run) accepts(w worker) bool {
 
 // buildTasks turns leases into messages; leases whose chain states would make the answer too long
 // are given back. Requires: mu.
-func (r *run) buildTasks(refs []lease.Ref, w worker) []*workv1.Task {
+func (r *run) buildTasks(refs []lease.Ref, w worker) []*farmv1.Task {
 	scene := &scenev1.SceneRef{
 		BundleDigest: r.rec.Request.Scene, Entry: r.rec.Request.Entry,
 		Defaults: r.rec.Request.Defaults, Lenient: r.rec.Request.Lenient,
@@ -165,10 +165,10 @@ func (r *run) buildTasks(refs []lease.Ref, w worker) []*workv1.Task {
 	if spec == nil {
 		spec = &jobv1.ResolvedSpec{}
 	}
-	var tasks []*workv1.Task
+	var tasks []*farmv1.Task
 	bytes := 0
 	for _, ref := range refs {
-		t := &workv1.Task{TaskId: ref.Task, Epoch: ref.Epoch, JobId: r.id, Scene: scene, Spec: spec}
+		t := &farmv1.Task{TaskId: ref.Task, Epoch: ref.Epoch, JobId: r.id, Scene: scene, Spec: spec}
 		r.fillWork(t, r.tasks[ref.Task])
 		bytes += proto.Size(t)
 		if len(tasks) > 0 && bytes > maxTaskState {
@@ -181,27 +181,27 @@ func (r *run) buildTasks(refs []lease.Ref, w worker) []*workv1.Task {
 }
 
 // fillWork requires: mu.
-func (r *run) fillWork(t *workv1.Task, key taskKey) {
+func (r *run) fillWork(t *farmv1.Task, key taskKey) {
 	switch {
 	case key.phase == job.Inspecting:
-		t.Work = &workv1.Task_Inspect{Inspect: &workv1.InspectTask{}}
+		t.Work = &farmv1.Task_Inspect{Inspect: &farmv1.InspectTask{}}
 	case key.phase == job.Bootstrapping:
-		t.Work = &workv1.Task_Bootstrap{Bootstrap: &workv1.BootstrapTask{FirstIndex: key.first.First, Count: key.first.Count}}
+		t.Work = &farmv1.Task_Bootstrap{Bootstrap: &farmv1.BootstrapTask{FirstIndex: key.first.First, Count: key.first.Count}}
 	case r.state.Chains():
-		t.Work = &workv1.Task_Chains{Chains: &workv1.ChainSegmentsTask{
+		t.Work = &farmv1.Task_Chains{Chains: &farmv1.ChainSegmentsTask{
 			Round:  uint32(key.round),
-			Groups: []*workv1.ChainGroupState{r.groupState(key)},
+			Groups: []*farmv1.ChainGroupState{r.groupState(key)},
 		}}
 	default:
-		t.Work = &workv1.Task_Paths{Paths: &workv1.PathSegmentsTask{
+		t.Work = &farmv1.Task_Paths{Paths: &farmv1.PathSegmentsTask{
 			Round: uint32(key.round), FirstSegment: uint32(key.segment), SegmentCount: 1,
 			FirstSample: r.state.SamplesBefore(key.round),
 		}}
 	}
 }
 
-func (r *run) groupState(key taskKey) *workv1.ChainGroupState {
-	g := &workv1.ChainGroupState{Group: uint32(key.segment)}
+func (r *run) groupState(key taskKey) *farmv1.ChainGroupState {
+	g := &farmv1.ChainGroupState{Group: uint32(key.segment)}
 	if key.round > 0 {
 		g.State, _ = r.state.StateBefore(key.round, key.segment)
 		return g
@@ -214,20 +214,20 @@ func (r *run) groupState(key taskKey) *workv1.ChainGroupState {
 }
 
 // Heartbeat renews leases and tells which to drop.
-func (c *Coordinator) Heartbeat(_ context.Context, in *workv1.HeartbeatRequest) (*workv1.HeartbeatResponse, error) {
+func (c *Coordinator) Heartbeat(_ context.Context, in *farmv1.HeartbeatRequest) (*farmv1.HeartbeatResponse, error) {
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
 	}
-	answer := &workv1.HeartbeatResponse{Drain: w.draining}
+	answer := &farmv1.HeartbeatResponse{Drain: w.draining}
 	activity := ""
 	for _, p := range in.GetLeases() {
-		directive := workv1.Directive_DIRECTIVE_ABANDON
+		directive := farmv1.Directive_DIRECTIVE_ABANDON
 		if r := c.runOfTask(p.GetLease().GetTaskId()); r != nil && r.renew(w.id, p) {
-			directive = workv1.Directive_DIRECTIVE_CONTINUE
+			directive = farmv1.Directive_DIRECTIVE_CONTINUE
 			activity = clip(p.GetActivity(), maxActivity)
 		}
-		answer.Directives = append(answer.Directives, &workv1.LeaseDirective{Lease: p.GetLease(), Directive: directive})
+		answer.Directives = append(answer.Directives, &farmv1.LeaseDirective{Lease: p.GetLease(), Directive: directive})
 	}
 	c.mu.Lock()
 	defer c.mu.Unlock()
@@ -237,7 +237,7 @@ func (c *Coordinator) Heartbeat(_ context.Context, in *workv1.HeartbeatRequest) 
 	return answer, nil
 }
 
-func (r *run) renew(workerID string, p *workv1.LeaseProgress) bool {
+func (r *run) renew(workerID string, p *farmv1.LeaseProgress) bool {
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	fraction := min(max(p.GetFraction(), 0), 1)
@@ -250,7 +250,7 @@ func (r *run) renew(workerID string, p *workv1.LeaseProgress) bool {
 	return true
 }
 
-func ref(l *workv1.LeaseRef) lease.Ref {
+func ref(l *farmv1.LeaseRef) lease.Ref {
 	return lease.Ref{Task: l.GetTaskId(), Epoch: l.GetEpoch()}
 }
 

@@ -14,8 +14,8 @@ import (
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/credentials/insecure"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/coordinator/fakeworker"
@@ -169,7 +169,7 @@ func (s *site) crew(workers ...*fakeworker.Worker) (dismiss func()) {
 			grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(64<<20)),
 			grpc.WithConnectParams(fastReconnect()))
 		s.check(err)
-		w.Client = workv1.NewFarmServiceClient(connection)
+		w.Client = farmv1.NewFarmServiceClient(connection)
 		group.Go(func() {
 			defer connection.Close()
 			if err := w.Run(ctx); err != nil {

@@ -3,7 +3,7 @@ package coordinator
 import (
 	"github.com/prometheus/client_golang/prometheus"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
 )
 
@@ -49,15 +49,15 @@ func newMetrics(c *Coordinator) *metrics {
 	}
 }
 
-var outcomeNames = map[workv1.Outcome]string{
-	workv1.Outcome_OUTCOME_COMMITTED:  "committed",
-	workv1.Outcome_OUTCOME_DUPLICATE:  "duplicate",
-	workv1.Outcome_OUTCOME_SUPERSEDED: "superseded",
-	workv1.Outcome_OUTCOME_CONFLICT:   "conflict",
-	workv1.Outcome_OUTCOME_REJECTED:   "rejected",
+var outcomeNames = map[farmv1.Outcome]string{
+	farmv1.Outcome_OUTCOME_COMMITTED:  "committed",
+	farmv1.Outcome_OUTCOME_DUPLICATE:  "duplicate",
+	farmv1.Outcome_OUTCOME_SUPERSEDED: "superseded",
+	farmv1.Outcome_OUTCOME_CONFLICT:   "conflict",
+	farmv1.Outcome_OUTCOME_REJECTED:   "rejected",
 }
 
-func (m *metrics) countBatch(outcome workv1.Outcome, segments int) {
+func (m *metrics) countBatch(outcome farmv1.Outcome, segments int) {
 	m.segments.WithLabelValues(outcomeNames[outcome]).Add(float64(segments))
 }
 

@@ -6,9 +6,9 @@ import (
 
 	"google.golang.org/protobuf/proto"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/bootstrap"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
@@ -55,7 +55,7 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 }
 
 // sampled takes the values of one bootstrap range. Requires: mu.
-func (r *run) sampled(task string, part plan.Range, result *workv1.BootstrapResult) error {
+func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResult) error {
 	if result.GetFirstIndex() != part.First || len(result.GetValues()) != int(part.Count) {
 		return &malformedError{fmt.Sprintf("%d values from index %d, not %d from %d",
 			len(result.GetValues()), result.GetFirstIndex(), part.Count, part.First)}
@@ -124,7 +124,7 @@ func (r *run) startRendering(halves [film.Halves]tally.Sums, seeds [][]bootstrap
 
 // reportAnomalies publishes a sample of the contributions that were set to zero. Requires: mu; the
 // caller saves or the next save does.
-func (r *run) reportAnomalies(anomalies []*workv1.Anomaly) {
+func (r *run) reportAnomalies(anomalies []*farmv1.Anomaly) {
 	const shown = 4 // of at most 16 per batch: the counts tell how many there were
 	for i, a := range anomalies {
 		if i == shown {

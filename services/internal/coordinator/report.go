@@ -6,12 +6,12 @@ import (
 	"fmt"
 	"strings"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
 )
 
 // Report takes the result of an inspection or of bootstrap samples, or a failure.
-func (c *Coordinator) Report(_ context.Context, in *workv1.ReportRequest) (*workv1.ReportResponse, error) {
+func (c *Coordinator) Report(_ context.Context, in *farmv1.ReportRequest) (*farmv1.ReportResponse, error) {
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
@@ -30,13 +30,13 @@ func (c *Coordinator) Report(_ context.Context, in *workv1.ReportRequest) (*work
 	var bad *malformedError
 	if errors.As(err, &bad) {
 		r.blame(in.GetLease(), w, bad.Error())
-		return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_REJECTED, Message: bad.Error()}, nil
+		return &farmv1.ReportResponse{Outcome: farmv1.Outcome_OUTCOME_REJECTED, Message: bad.Error()}, nil
 	}
-	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_COMMITTED}, err
+	return &farmv1.ReportResponse{Outcome: farmv1.Outcome_OUTCOME_COMMITTED}, err
 }
 
-func superseded(message string) *workv1.ReportResponse {
-	return &workv1.ReportResponse{Outcome: workv1.Outcome_OUTCOME_SUPERSEDED, Message: message}
+func superseded(message string) *farmv1.ReportResponse {
+	return &farmv1.ReportResponse{Outcome: farmv1.Outcome_OUTCOME_SUPERSEDED, Message: message}
 }
 
 // malformedError is a result that no correct worker sends.
@@ -45,17 +45,17 @@ type malformedError struct{ message string }
 func (e *malformedError) Error() string { return e.message }
 
 // takeReport requires: mu; the worker holds the lease.
-func (r *run) takeReport(w worker, in *workv1.ReportRequest) error {
+func (r *run) takeReport(w worker, in *farmv1.ReportRequest) error {
 	key := r.tasks[in.GetLease().GetTaskId()]
 	switch result := in.GetResult().(type) {
-	case *workv1.ReportRequest_Failure:
+	case *farmv1.ReportRequest_Failure:
 		r.takeFailure(w, in.GetLease(), result.Failure)
 		return nil
-	case *workv1.ReportRequest_Scene:
+	case *farmv1.ReportRequest_Scene:
 		if key.phase == job.Inspecting {
 			return r.inspected(in.GetLease().GetTaskId(), result.Scene)
 		}
-	case *workv1.ReportRequest_Bootstrap:
+	case *farmv1.ReportRequest_Bootstrap:
 		if key.phase == job.Bootstrapping {
 			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
 		}
@@ -64,9 +64,9 @@ func (r *run) takeReport(w worker, in *workv1.ReportRequest) error {
 }
 
 // takeFailure requires: mu.
-func (r *run) takeFailure(w worker, l *workv1.LeaseRef, f *workv1.TaskFailure) {
+func (r *run) takeFailure(w worker, l *farmv1.LeaseRef, f *farmv1.TaskFailure) {
 	message := strings.ToValidUTF8(f.GetMessage(), "?")
-	if f.GetReason() == workv1.FailureReason_FAILURE_REASON_SCENE {
+	if f.GetReason() == farmv1.FailureReason_FAILURE_REASON_SCENE {
 		r.fail(message)
 		return
 	}
@@ -74,7 +74,7 @@ func (r *run) takeFailure(w worker, l *workv1.LeaseRef, f *workv1.TaskFailure) {
 }
 
 // blame gives a lease back as failed and ends the job if its task is poison. Requires: mu.
-func (r *run) blame(l *workv1.LeaseRef, w worker, evidence string) {
+func (r *run) blame(l *farmv1.LeaseRef, w worker, evidence string) {
 	if !r.table.Fail(ref(l), w.id, evidence) {
 		return
 	}

@@ -15,8 +15,8 @@ import (
 	"google.golang.org/grpc/keepalive"
 	"google.golang.org/grpc/status"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/job"
@@ -43,7 +43,7 @@ type Options struct {
 
 // Server is the gRPC server.
 type Server struct {
-	workv1.UnimplementedFarmServiceServer
+	farmv1.UnimplementedFarmServiceServer
 	farm  *coordinator.Coordinator
 	blobs *blob.Store
 	log   *slog.Logger
@@ -65,7 +65,7 @@ func NewServer(o Options) *Server {
 		grpc.KeepaliveParams(keepalive.ServerParameters{Time: keepaliveTime, Timeout: keepaliveTimeout}),
 		grpc.KeepaliveEnforcementPolicy(keepalive.EnforcementPolicy{MinTime: time.Second, PermitWithoutStream: true}),
 	)
-	workv1.RegisterFarmServiceServer(s.grpc, s)
+	farmv1.RegisterFarmServiceServer(s.grpc, s)
 	return s
 }
 
@@ -89,13 +89,13 @@ func (s *Server) Stop() {
 }
 
 // Register implements FarmService.
-func (s *Server) Register(ctx context.Context, in *workv1.RegisterRequest) (*workv1.RegisterResponse, error) {
+func (s *Server) Register(ctx context.Context, in *farmv1.RegisterRequest) (*farmv1.RegisterResponse, error) {
 	out, err := s.farm.Register(ctx, in)
 	return out, toStatus(err)
 }
 
 // Lease implements FarmService.
-func (s *Server) Lease(ctx context.Context, in *workv1.LeaseRequest) (*workv1.LeaseResponse, error) {
+func (s *Server) Lease(ctx context.Context, in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, error) {
 	ctx, cancel := context.WithCancel(ctx)
 	defer cancel()
 	defer context.AfterFunc(s.ctx, cancel)()
@@ -107,20 +107,20 @@ func (s *Server) Lease(ctx context.Context, in *workv1.LeaseRequest) (*workv1.Le
 }
 
 // Heartbeat implements FarmService.
-func (s *Server) Heartbeat(ctx context.Context, in *workv1.HeartbeatRequest) (*workv1.HeartbeatResponse, error) {
+func (s *Server) Heartbeat(ctx context.Context, in *farmv1.HeartbeatRequest) (*farmv1.HeartbeatResponse, error) {
 	out, err := s.farm.Heartbeat(ctx, in)
 	return out, toStatus(err)
 }
 
 // Report implements FarmService.
-func (s *Server) Report(ctx context.Context, in *workv1.ReportRequest) (*workv1.ReportResponse, error) {
+func (s *Server) Report(ctx context.Context, in *farmv1.ReportRequest) (*farmv1.ReportResponse, error) {
 	out, err := s.farm.Report(ctx, in)
 	return out, toStatus(err)
 }
 
 // Deliver implements FarmService. A batch whose fate is known early is still read to its end, so
 // that the worker never sees a broken stream instead of the answer.
-func (s *Server) Deliver(stream grpc.ClientStreamingServer[workv1.DeliverRequest, workv1.DeliverResponse]) error {
+func (s *Server) Deliver(stream grpc.ClientStreamingServer[farmv1.DeliverRequest, farmv1.DeliverResponse]) error {
 	first, err := stream.Recv()
 	if err != nil {
 		return err
@@ -146,7 +146,7 @@ func (s *Server) Deliver(stream grpc.ClientStreamingServer[workv1.DeliverRequest
 }
 
 // FetchBundle implements FarmService.
-func (s *Server) FetchBundle(in *workv1.FetchBundleRequest, stream grpc.ServerStreamingServer[workv1.FetchBundleResponse]) error {
+func (s *Server) FetchBundle(in *farmv1.FetchBundleRequest, stream grpc.ServerStreamingServer[farmv1.FetchBundleResponse]) error {
 	files, err := s.blobs.Manifest(in.GetBundleDigest())
 	if err != nil {
 		return toStatus(err)
@@ -155,7 +155,7 @@ func (s *Server) FetchBundle(in *workv1.FetchBundleRequest, stream grpc.ServerSt
 	for _, f := range files {
 		manifest.Files = append(manifest.Files, &scenev1.BundleFile{Path: f.Path, Size: uint64(f.Size), Sha256: f.SHA256})
 	}
-	opening := &workv1.FetchBundleResponse{Content: &workv1.FetchBundleResponse_Manifest{Manifest: manifest}}
+	opening := &farmv1.FetchBundleResponse{Content: &farmv1.FetchBundleResponse_Manifest{Manifest: manifest}}
 	if err := stream.Send(opening); err != nil {
 		return err
 	}
@@ -167,7 +167,7 @@ func (s *Server) FetchBundle(in *workv1.FetchBundleRequest, stream grpc.ServerSt
 	return nil
 }
 
-func (s *Server) sendFile(stream grpc.ServerStreamingServer[workv1.FetchBundleResponse], f blob.File) error {
+func (s *Server) sendFile(stream grpc.ServerStreamingServer[farmv1.FetchBundleResponse], f blob.File) error {
 	r, err := s.blobs.OpenFile(f.SHA256)
 	if err != nil {
 		return err
@@ -181,7 +181,7 @@ func (s *Server) sendFile(stream grpc.ServerStreamingServer[workv1.FetchBundleRe
 		}
 		sent += int64(n)
 		// Send encodes before it returns, so the buffer can be used again.
-		if err := stream.Send(&workv1.FetchBundleResponse{Content: &workv1.FetchBundleResponse_Data{Data: buffer[:n]}}); err != nil {
+		if err := stream.Send(&farmv1.FetchBundleResponse{Content: &farmv1.FetchBundleResponse_Data{Data: buffer[:n]}}); err != nil {
 			return err
 		}
 	}

@@ -9,7 +9,7 @@ import (
 
 	"github.com/klauspost/compress/zstd"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
 var testShape = Shape{Width: 70, Height: 41, Layers: 2}
@@ -167,7 +167,7 @@ func TestDecodeRefuses(t *testing.T) {
 	outside := make([]int64, FullTileValues)
 	outside[TileSize-1] = 1 // beyond column 70 of tile column 2
 	pack := func(n int) []byte { return encoder.EncodeAll(make([]byte, n), nil) }
-	for name, tile := range map[string]*workv1.Tile{
+	for name, tile := range map[string]*farmv1.Tile{
 		"plane":    {Plane: 4, Data: pack(FullTileValues * 8)},
 		"row":      {Y: 2, Data: pack(FullTileValues * 8)},
 		"low at x": {Low: true, X: 1, Data: pack(LowTileValues * 8)},
@@ -204,7 +204,7 @@ func FuzzDecodeTile(f *testing.F) {
 	good := codec.EncodeTile(Address{}, make([]int64, FullTileValues))
 	f.Add(good.Data, uint32(0), uint32(0), uint32(0), false)
 	f.Fuzz(func(t *testing.T, data []byte, plane, x, y uint32, low bool) {
-		tile, _, err := codec.DecodeTile(testShape, &workv1.Tile{Low: low, Plane: plane, X: x, Y: y, Data: data})
+		tile, _, err := codec.DecodeTile(testShape, &farmv1.Tile{Low: low, Plane: plane, X: x, Y: y, Data: data})
 		if err == nil {
 			New(testShape).Add(tile)
 		}

@@ -6,7 +6,7 @@ import (
 
 	"github.com/klauspost/compress/zstd"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
 // ErrMalformed: a tile that no correct worker sends.
@@ -35,7 +35,7 @@ func NewCodec() (*Codec, error) {
 
 // DecodeTile checks a tile against the shape and returns its values and its part of the batch
 // digest. All errors are ErrMalformed.
-func (c *Codec) DecodeTile(shape Shape, t *workv1.Tile) (Tile, uint64, error) {
+func (c *Codec) DecodeTile(shape Shape, t *farmv1.Tile) (Tile, uint64, error) {
 	a := Address{Low: t.GetLow(), Plane: int(t.GetPlane()), X: int(t.GetX()), Y: int(t.GetY())}
 	index, err := shape.Index(a)
 	if err != nil {
@@ -58,8 +58,8 @@ func (c *Codec) DecodeTile(shape Shape, t *workv1.Tile) (Tile, uint64, error) {
 }
 
 // EncodeTile packs values for the wire.
-func (c *Codec) EncodeTile(a Address, values []int64) *workv1.Tile {
-	return &workv1.Tile{
+func (c *Codec) EncodeTile(a Address, values []int64) *farmv1.Tile {
+	return &farmv1.Tile{
 		Low: a.Low, Plane: uint32(a.Plane), X: uint32(a.X), Y: uint32(a.Y),
 		Data: c.encoder.EncodeAll(shuffle(values), nil),
 	}

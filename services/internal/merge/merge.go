@@ -10,7 +10,7 @@ import (
 	"fmt"
 	"math"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/round"
 	"metrofarm/services/internal/tally"
@@ -45,7 +45,7 @@ type Batch struct {
 	Segments   []Segment
 	Tiles      []film.Tile
 	CPUSeconds float64
-	Anomalies  []*workv1.Anomaly
+	Anomalies  []*farmv1.Anomaly
 }
 
 // Entries lists the segments for a ledger.
@@ -61,14 +61,14 @@ func (b *Batch) Entries() []round.Entry {
 type Assembler struct {
 	codec  *film.Codec
 	shape  film.Shape
-	header *workv1.BatchHeader
+	header *farmv1.BatchHeader
 	batch  *Batch
 	seen   map[int]bool
 	digest uint64
 }
 
 // NewAssembler checks the header. chainsPerGroup is 0 for path tracing.
-func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *workv1.BatchHeader) (*Assembler, error) {
+func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *farmv1.BatchHeader) (*Assembler, error) {
 	if int64(h.GetTileCount()) > int64(shape.TileCount()) {
 		return nil, fmt.Errorf("%w: %d tiles in a film of %d", ErrMalformed, h.GetTileCount(), shape.TileCount())
 	}
@@ -93,7 +93,7 @@ func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *wo
 }
 
 // Add takes the next tiles.
-func (a *Assembler) Add(tiles []*workv1.Tile) error {
+func (a *Assembler) Add(tiles []*farmv1.Tile) error {
 	for _, t := range tiles {
 		if len(a.batch.Tiles) == int(a.header.GetTileCount()) {
 			return fmt.Errorf("%w: more tiles than the %d announced", ErrMalformed, a.header.GetTileCount())
@@ -128,7 +128,7 @@ func (a *Assembler) Finish() (*Batch, error) {
 	return a.batch, nil
 }
 
-func checkSegment(s *workv1.SegmentResult, chains int) (Segment, error) {
+func checkSegment(s *farmv1.SegmentResult, chains int) (Segment, error) {
 	switch {
 	case len(s.GetCounts().GetAnomalies()) > tally.AnomalyKinds:
 		return Segment{}, fmt.Errorf("%d kinds of anomalies", len(s.GetCounts().GetAnomalies()))

@@ -7,7 +7,7 @@ import (
 
 	"google.golang.org/protobuf/proto"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/film"
 )
 
@@ -23,25 +23,25 @@ func codec(t *testing.T) *film.Codec {
 }
 
 // batch of two segments with one splat each.
-func batch(c *film.Codec) (*workv1.BatchHeader, []*workv1.Tile) {
+func batch(c *film.Codec) (*farmv1.BatchHeader, []*farmv1.Tile) {
 	values := make([]int64, film.FullTileValues)
 	values[0], values[1] = 5, -3
 	first, second := shape.SplatDigest(false, 1, 0, 0, 5), shape.SplatDigest(false, 1, 1, 0, -3)
-	segment := func(number uint32, digest uint64) *workv1.SegmentResult {
-		return &workv1.SegmentResult{
+	segment := func(number uint32, digest uint64) *farmv1.SegmentResult {
+		return &farmv1.SegmentResult{
 			Segment: number, Digest: digest, State: []byte{1},
-			Counts:        &workv1.SegmentCounts{Mutations: 10, Rays: 20},
-			LargeStepSums: []*workv1.LargeStepSums{{Count: 1, Sum: 0.5, SumSquares: 0.25}},
+			Counts:        &farmv1.SegmentCounts{Mutations: 10, Rays: 20},
+			LargeStepSums: []*farmv1.LargeStepSums{{Count: 1, Sum: 0.5, SumSquares: 0.25}},
 		}
 	}
-	header := &workv1.BatchHeader{
-		JobId: "j", Segments: []*workv1.SegmentResult{segment(0, first), segment(4, second)},
+	header := &farmv1.BatchHeader{
+		JobId: "j", Segments: []*farmv1.SegmentResult{segment(0, first), segment(4, second)},
 		Digest: first + second, TileCount: 1,
 	}
-	return header, []*workv1.Tile{c.EncodeTile(film.Address{Plane: 1}, values)}
+	return header, []*farmv1.Tile{c.EncodeTile(film.Address{Plane: 1}, values)}
 }
 
-func assemble(c *film.Codec, h *workv1.BatchHeader, tiles []*workv1.Tile) (*Batch, error) {
+func assemble(c *film.Codec, h *farmv1.BatchHeader, tiles []*farmv1.Tile) (*Batch, error) {
 	a, err := NewAssembler(c, shape, 1, h)
 	if err != nil {
 		return nil, err
@@ -63,51 +63,51 @@ func TestAssemble(t *testing.T) {
 	}
 }
 
-func first(h *workv1.BatchHeader, _ []*workv1.Tile) *workv1.BatchHeader { return h }
-func second(_ *workv1.BatchHeader, t []*workv1.Tile) []*workv1.Tile     { return t }
+func first(h *farmv1.BatchHeader, _ []*farmv1.Tile) *farmv1.BatchHeader { return h }
+func second(_ *farmv1.BatchHeader, t []*farmv1.Tile) []*farmv1.Tile     { return t }
 
 func TestRefusals(t *testing.T) {
 	c := codec(t)
 	for name, k := range map[string]struct {
-		damage func(*workv1.BatchHeader, []*workv1.Tile) []*workv1.Tile
+		damage func(*farmv1.BatchHeader, []*farmv1.Tile) []*farmv1.Tile
 		want   error
 	}{
-		"tile missing":  {func(_ *workv1.BatchHeader, _ []*workv1.Tile) []*workv1.Tile { return nil }, ErrMalformed},
-		"tile too many": {func(_ *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile { return append(tiles, tiles[0]) }, ErrMalformed},
-		"tile twice": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"tile missing":  {func(_ *farmv1.BatchHeader, _ []*farmv1.Tile) []*farmv1.Tile { return nil }, ErrMalformed},
+		"tile too many": {func(_ *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { return append(tiles, tiles[0]) }, ErrMalformed},
+		"tile twice": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.TileCount = 2
 			return append(tiles, tiles[0])
 		}, ErrMalformed},
-		"tile count": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"tile count": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.TileCount = math.MaxUint32
 			return tiles
 		}, ErrMalformed},
-		"header digest":  {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile { h.Digest++; return tiles }, ErrDigest},
-		"segment digest": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile { h.Segments[0].Digest++; return tiles }, ErrDigest},
-		"all digests": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"header digest":  {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { h.Digest++; return tiles }, ErrDigest},
+		"segment digest": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { h.Segments[0].Digest++; return tiles }, ErrDigest},
+		"all digests": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.Digest++
 			h.Segments[0].Digest++
 			return tiles
 		}, ErrDigest},
-		"no segments": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile { h.Segments = nil; return tiles }, ErrMalformed},
-		"no state": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"no segments": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { h.Segments = nil; return tiles }, ErrMalformed},
+		"no state": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.Segments[0].State = nil
 			return tiles
 		}, ErrMalformed},
-		"sums missing": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"sums missing": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.Segments[0].LargeStepSums = nil
 			return tiles
 		}, ErrMalformed},
-		"sum not finite": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"sum not finite": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.Segments[0].LargeStepSums[0].Sum = math.NaN()
 			return tiles
 		}, ErrMalformed},
-		"anomaly kinds": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
+		"anomaly kinds": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.Segments[0].Counts.Anomalies = make([]uint64, 6)
 			return tiles
 		}, ErrMalformed},
-		"anomaly samples": {func(h *workv1.BatchHeader, tiles []*workv1.Tile) []*workv1.Tile {
-			h.Anomalies = make([]*workv1.Anomaly, 17)
+		"anomaly samples": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
+			h.Anomalies = make([]*farmv1.Anomaly, 17)
 			return tiles
 		}, ErrMalformed},
 	} {
@@ -126,10 +126,10 @@ func TestEvidenceTellsReportsApart(t *testing.T) {
 	if err != nil {
 		t.Fatal(err)
 	}
-	for name, change := range map[string]func(*workv1.SegmentResult){
-		"state":  func(s *workv1.SegmentResult) { s.State = []byte{2} },
-		"counts": func(s *workv1.SegmentResult) { s.Counts.Rays++ },
-		"sums":   func(s *workv1.SegmentResult) { s.LargeStepSums[0].SumSquares *= 2 },
+	for name, change := range map[string]func(*farmv1.SegmentResult){
+		"state":  func(s *farmv1.SegmentResult) { s.State = []byte{2} },
+		"counts": func(s *farmv1.SegmentResult) { s.Counts.Rays++ },
+		"sums":   func(s *farmv1.SegmentResult) { s.LargeStepSums[0].SumSquares *= 2 },
 	} {
 		other := proto.CloneOf(header)
 		change(other.Segments[0])

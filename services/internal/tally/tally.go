@@ -5,7 +5,7 @@ package tally
 import (
 	"math"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
 // AnomalyKinds is the number of AnomalyKind values, the unused 0 included.
@@ -24,7 +24,7 @@ type Counts struct {
 
 // FromProto converts a segment's counts. Anomaly kinds that this version does not know are dropped
 // by the caller's validation before.
-func FromProto(p *workv1.SegmentCounts) Counts {
+func FromProto(p *farmv1.SegmentCounts) Counts {
 	c := Counts{
 		Mutations: p.GetMutations(), PathEvaluations: p.GetPathEvaluations(), Rays: p.GetRays(),
 		LargeSteps: p.GetLargeSteps(), LargeAccepted: p.GetLargeAccepted(),

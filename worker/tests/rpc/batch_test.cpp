@@ -14,9 +14,9 @@ namespace metrofarm::rpc {
 namespace {
 
 // A film with splats of two segments, announced with their digests.
-work::v1::BatchHeader splat_some(film::Film& film, float width, float height) {
+farm::v1::BatchHeader splat_some(film::Film& film, float width, float height) {
   const film::Filter filter{scene::Film{}};
-  work::v1::BatchHeader header;
+  farm::v1::BatchHeader header;
   std::mt19937_64 random(4);
   std::uniform_real_distribution<float> uniform(0, 1);
   for (uint32_t segment = 0; segment < 2; ++segment) {
@@ -38,7 +38,7 @@ uint64_t digest_of_tiles(const Batch& batch, const film::FilmShape& shape) {
   film::Film film(shape);
   uint64_t digest = 0;
   for (const auto& message : batch.tiles) {
-    for (const work::v1::Tile& tile : message.tiles()) {
+    for (const farm::v1::Tile& tile : message.tiles()) {
       const int side = tile.low() ? film::kLowGrid : film::kTileSize;
       const auto v = test::decode_tile(tile.data(), size_t(side) * side * 3);
       for (int i = 0; i < side * side; ++i) {
@@ -61,7 +61,7 @@ uint64_t digest_of_tiles(const Batch& batch, const film::FilmShape& shape) {
 TEST(Batch, TilesAddUpToTheDigest) {
   const film::FilmShape shape{100, 70, 2};
   film::Film film(shape);
-  const work::v1::BatchHeader header = splat_some(film, 100, 70);
+  const farm::v1::BatchHeader header = splat_some(film, 100, 70);
   for (int threads : {1, 3}) {
     const Batch batch = seal(header, film, threads);
     EXPECT_EQ(batch.header.digest(), test::digest_from_planes(film));
@@ -74,7 +74,7 @@ TEST(Batch, EmptyTilesAreNotSentAndNoneTwice) {
   const Batch batch = seal(splat_some(film, 20, 20), film, 2);
   std::set<std::tuple<bool, uint32_t, uint32_t, uint32_t>> seen;
   for (const auto& message : batch.tiles) {
-    for (const work::v1::Tile& tile : message.tiles()) {
+    for (const farm::v1::Tile& tile : message.tiles()) {
       EXPECT_TRUE(seen.insert({tile.low(), tile.plane(), tile.x(), tile.y()}).second);
       EXPECT_TRUE(tile.x() == 0 && tile.y() == 0);
     }

@@ -130,7 +130,7 @@ TEST(FillCounts, TakesEveryCount) {
   work_unit::SegmentOutput output;
   output.counts = {1, 2, 3, 4, 5, 6, 7};
   output.anomalies.count(diagnostics::AnomalyKind::kNegative);
-  work::v1::SegmentCounts counts;
+  farm::v1::SegmentCounts counts;
   fill_counts(output, counts);
   EXPECT_EQ(counts.mutations(), 1U);
   EXPECT_EQ(counts.path_evaluations(), 2U);
@@ -140,15 +140,15 @@ TEST(FillCounts, TakesEveryCount) {
   EXPECT_EQ(counts.small_steps(), 6U);
   EXPECT_EQ(counts.small_accepted(), 7U);
   ASSERT_EQ(counts.anomalies_size(), 5);
-  EXPECT_EQ(counts.anomalies(work::v1::ANOMALY_KIND_NEGATIVE), 1U);
+  EXPECT_EQ(counts.anomalies(farm::v1::ANOMALY_KIND_NEGATIVE), 1U);
 }
 
 TEST(FillAnomaly, KeepsKindPlaceAndSample) {
-  work::v1::Anomaly out;
+  farm::v1::Anomaly out;
   fill_anomaly({{diagnostics::AnomalyKind::kInfinite, diagnostics::Place::kEmitterSample, 4, 1},
                 {7, 8, 0, 9}},
                out);
-  EXPECT_EQ(out.kind(), work::v1::ANOMALY_KIND_INFINITE);
+  EXPECT_EQ(out.kind(), farm::v1::ANOMALY_KIND_INFINITE);
   EXPECT_EQ(out.place(), "emitter_sample");
   EXPECT_EQ(out.depth(), 4U);
   ASSERT_EQ(out.primary_sample_size(), 4);

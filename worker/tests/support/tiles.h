@@ -1,4 +1,4 @@
-// Decodes tiles as the contract of metrofarm.work.v1.Tile words it.
+// Decodes tiles as the contract of metrofarm.farm.v1.Tile words it.
 #pragma once
 
 #include <zstd.h>

@@ -6,7 +6,7 @@ import (
 
 	"google.golang.org/protobuf/proto"
 
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/film"
 )
 
@@ -25,7 +25,7 @@ const (
 	Abandoned       // break the stream off
 )
 
-func (w *Worker) deliver(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) error {
+func (w *Worker) deliver(ctx context.Context, header *farmv1.BatchHeader, tiles []*farmv1.Tile) error {
 	fault := None
 	if w.Fault != nil {
 		fault = w.Fault()
@@ -54,7 +54,7 @@ func (w *Worker) deliver(ctx context.Context, header *workv1.BatchHeader, tiles 
 }
 
 // damage replaces one tile by another content.
-func (w *Worker) damage(header *workv1.BatchHeader, tiles []*workv1.Tile, fault Fault) (*workv1.BatchHeader, []*workv1.Tile) {
+func (w *Worker) damage(header *farmv1.BatchHeader, tiles []*farmv1.Tile, fault Fault) (*farmv1.BatchHeader, []*farmv1.Tile) {
 	shape := film.Shape{Width: int(w.Report.GetWidth()), Height: int(w.Report.GetHeight()), Layers: 1}
 	values := make([]int64, film.FullTileValues)
 	values[0] = 12345
@@ -73,18 +73,18 @@ func (w *Worker) damage(header *workv1.BatchHeader, tiles []*workv1.Tile, fault 
 }
 
 // Send delivers a batch.
-func (w *Worker) Send(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) (*workv1.DeliverResponse, error) {
+func (w *Worker) Send(ctx context.Context, header *farmv1.BatchHeader, tiles []*farmv1.Tile) (*farmv1.DeliverResponse, error) {
 	stream, err := w.Client.Deliver(ctx)
 	if err != nil {
 		return nil, err
 	}
-	opening := &workv1.DeliverHeader{WorkerId: w.id, Batch: header}
-	if err := stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Header{Header: opening}}); err != nil {
+	opening := &farmv1.DeliverHeader{WorkerId: w.id, Batch: header}
+	if err := stream.Send(&farmv1.DeliverRequest{Content: &farmv1.DeliverRequest_Header{Header: opening}}); err != nil {
 		_, err = stream.CloseAndRecv()
 		return nil, err
 	}
 	for part := range slices.Chunk(tiles, 5) {
-		message := &workv1.DeliverRequest{Content: &workv1.DeliverRequest_Tiles{Tiles: &workv1.DeliverTiles{Tiles: part}}}
+		message := &farmv1.DeliverRequest{Content: &farmv1.DeliverRequest_Tiles{Tiles: &farmv1.DeliverTiles{Tiles: part}}}
 		if stream.Send(message) != nil {
 			break // CloseAndRecv has the reason
 		}
@@ -92,15 +92,15 @@ func (w *Worker) Send(ctx context.Context, header *workv1.BatchHeader, tiles []*
 	return stream.CloseAndRecv()
 }
 
-func (w *Worker) breakOff(ctx context.Context, header *workv1.BatchHeader, tiles []*workv1.Tile) error {
+func (w *Worker) breakOff(ctx context.Context, header *farmv1.BatchHeader, tiles []*farmv1.Tile) error {
 	ctx, cancel := context.WithCancel(ctx)
 	defer cancel()
 	stream, err := w.Client.Deliver(ctx)
 	if err != nil {
 		return err
 	}
-	opening := &workv1.DeliverHeader{WorkerId: w.id, Batch: header}
-	_ = stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Header{Header: opening}})
-	_ = stream.Send(&workv1.DeliverRequest{Content: &workv1.DeliverRequest_Tiles{Tiles: &workv1.DeliverTiles{Tiles: tiles[:1]}}})
+	opening := &farmv1.DeliverHeader{WorkerId: w.id, Batch: header}
+	_ = stream.Send(&farmv1.DeliverRequest{Content: &farmv1.DeliverRequest_Header{Header: opening}})
+	_ = stream.Send(&farmv1.DeliverRequest{Content: &farmv1.DeliverRequest_Tiles{Tiles: &farmv1.DeliverTiles{Tiles: tiles[:1]}}})
 	return nil
 }

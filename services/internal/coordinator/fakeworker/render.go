@@ -5,8 +5,8 @@ import (
 	"hash/fnv"
 	"math"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/plan"
 )
@@ -77,22 +77,22 @@ func (c *canvas) tile(a film.Address, size int) []int64 {
 
 // renderChains pretends to run a chain group: splats, counts and the new state are a function of
 // the spec's seed, the group, the round and the state before.
-func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *workv1.ChainGroupState) *workv1.SegmentResult {
+func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *farmv1.ChainGroupState) *farmv1.SegmentResult {
 	group := int(g.GetGroup())
 	n := spec.GetRoundSizes()[number] * uint64(spec.GetGroupSize())
 	before := uint64(0)
 	for _, index := range g.GetSeedIndices() {
 		before = before*31 + index
 	}
-	var sums []*workv1.LargeStepSums
+	var sums []*farmv1.LargeStepSums
 	if state := g.GetState(); len(state) > 0 {
 		before = binary.LittleEndian.Uint64(state)
 	}
 	random := keyed(spec.GetSeed(), uint64(group), uint64(number), before)
 	large := n / 3
-	result := &workv1.SegmentResult{
+	result := &farmv1.SegmentResult{
 		Segment: g.GetGroup(),
-		Counts: &workv1.SegmentCounts{
+		Counts: &farmv1.SegmentCounts{
 			Mutations: n, PathEvaluations: n, Rays: 3*n + random.next()%100,
 			LargeSteps: large, LargeAccepted: large / 4, SmallSteps: n - large, SmallAccepted: (n - large) / 2,
 		},
@@ -101,20 +101,20 @@ func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *workv1
 	result.State = binary.LittleEndian.AppendUint64(nil, random.next())
 	for range spec.GetGroupSize() {
 		u := random.uniform()
-		sums = append(sums, &workv1.LargeStepSums{Count: large, Sum: u, SumSquares: u * u})
+		sums = append(sums, &farmv1.LargeStepSums{Count: large, Sum: u, SumSquares: u * u})
 	}
 	result.LargeStepSums = sums
 	return result
 }
 
 // renderPaths pretends to trace the samples of one segment.
-func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, number, segment uint32) *workv1.SegmentResult {
+func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, number, segment uint32) *farmv1.SegmentResult {
 	perSegment := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
 	n := uint64(min(perSegment, cells-int(segment)*perSegment)) * spec.GetRoundSizes()[number]
 	random := keyed(spec.GetSeed(), uint64(segment), uint64(number))
-	result := &workv1.SegmentResult{
+	result := &farmv1.SegmentResult{
 		Segment: segment,
-		Counts:  &workv1.SegmentCounts{Mutations: n, PathEvaluations: n, Rays: 2 * n},
+		Counts:  &farmv1.SegmentCounts{Mutations: n, PathEvaluations: n, Rays: 2 * n},
 	}
 	for half := range film.Halves {
 		c.splatter(random, half, func() int { return half + 2*int(random.next()%8) }, result)
@@ -122,7 +122,7 @@ func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, number, segmen
 	return result
 }
 
-func (c *canvas) splatter(random *generator, half int, group func() int, result *workv1.SegmentResult) {
+func (c *canvas) splatter(random *generator, half int, group func() int, result *farmv1.SegmentResult) {
 	for range splatsPerSegment {
 		pixel := int(random.next() % uint64(c.shape.Width*c.shape.Height))
 		layer := int(random.next() % uint64(c.shape.Layers))

@@ -13,15 +13,15 @@ import (
 	"google.golang.org/grpc/codes"
 	"google.golang.org/grpc/status"
 
+	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
-	workv1 "metrofarm/services/gen/metrofarm/work/v1"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/plan"
 )
 
 // Worker is one worker process.
 type Worker struct {
-	Client  workv1.FarmServiceClient
+	Client  farmv1.FarmServiceClient
 	Name    string
 	Version string
 	// Report is what inspections find.
@@ -42,7 +42,7 @@ type Worker struct {
 
 	mu   sync.Mutex // guards what the heartbeats read
 	id   string
-	held []*workv1.LeaseProgress
+	held []*farmv1.LeaseProgress
 }
 
 // heartbeatPace is well below the time to live that tests use.
@@ -52,7 +52,7 @@ const heartbeatPace = 50 * time.Millisecond
 func (w *Worker) beat(ctx context.Context) {
 	for ctx.Err() == nil {
 		w.mu.Lock()
-		request := &workv1.HeartbeatRequest{WorkerId: w.id, Leases: w.held}
+		request := &farmv1.HeartbeatRequest{WorkerId: w.id, Leases: w.held}
 		w.mu.Unlock()
 		if request.GetWorkerId() != "" {
 			_, _ = w.Client.Heartbeat(ctx, request) // the next call notices what is wrong
@@ -67,12 +67,12 @@ func (w *Worker) become(id string) {
 	w.id, w.held = id, nil
 }
 
-func (w *Worker) hold(tasks []*workv1.Task) {
+func (w *Worker) hold(tasks []*farmv1.Task) {
 	w.mu.Lock()
 	defer w.mu.Unlock()
 	w.held = nil
 	for _, t := range tasks {
-		w.held = append(w.held, &workv1.LeaseProgress{Lease: &workv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}})
+		w.held = append(w.held, &farmv1.LeaseProgress{Lease: &farmv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}})
 	}
 }
 
@@ -118,7 +118,7 @@ func (w *Worker) step(ctx context.Context) error {
 			return err
 		}
 	}
-	answer, err := w.Client.Lease(ctx, &workv1.LeaseRequest{
+	answer, err := w.Client.Lease(ctx, &farmv1.LeaseRequest{
 		WorkerId: w.id, MaxSegments: max(w.MaxSegments, 4), WaitSeconds: 0.2,
 	})
 	if err != nil || len(answer.GetTasks()) == 0 {
@@ -140,29 +140,29 @@ func (w *Worker) step(ctx context.Context) error {
 func (w *Worker) register(ctx context.Context) error {
 	instance := make([]byte, 16)
 	copy(instance, fmt.Sprintf("%04d%s", w.instance, w.Name))
-	answer, err := w.Client.Register(ctx, &workv1.RegisterRequest{
+	answer, err := w.Client.Register(ctx, &farmv1.RegisterRequest{
 		Name: w.Name, Version: w.Version, Threads: 1, Instance: hex.EncodeToString(instance),
 	})
 	w.become(answer.GetWorkerId())
 	return err
 }
 
-func (w *Worker) report(ctx context.Context, task *workv1.Task) error {
-	request := &workv1.ReportRequest{
-		WorkerId: w.id, Lease: &workv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
+func (w *Worker) report(ctx context.Context, task *farmv1.Task) error {
+	request := &farmv1.ReportRequest{
+		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
 	}
 	switch work := task.GetWork().(type) {
-	case *workv1.Task_Inspect:
-		request.Result = &workv1.ReportRequest_Scene{Scene: w.Report}
-	case *workv1.Task_Bootstrap:
-		request.Result = &workv1.ReportRequest_Bootstrap{Bootstrap: w.bootstrap(task, work.Bootstrap)}
+	case *farmv1.Task_Inspect:
+		request.Result = &farmv1.ReportRequest_Scene{Scene: w.Report}
+	case *farmv1.Task_Bootstrap:
+		request.Result = &farmv1.ReportRequest_Bootstrap{Bootstrap: w.bootstrap(task, work.Bootstrap)}
 	}
 	_, err := w.Client.Report(ctx, request)
 	return err
 }
 
-func (w *Worker) bootstrap(task *workv1.Task, part *workv1.BootstrapTask) *workv1.BootstrapResult {
-	result := &workv1.BootstrapResult{FirstIndex: part.GetFirstIndex(), Rays: uint64(part.GetCount())}
+func (w *Worker) bootstrap(task *farmv1.Task, part *farmv1.BootstrapTask) *farmv1.BootstrapResult {
+	result := &farmv1.BootstrapResult{FirstIndex: part.GetFirstIndex(), Rays: uint64(part.GetCount())}
 	spec := task.GetSpec()
 	for i := range uint64(part.GetCount()) {
 		index := part.GetFirstIndex() + i
@@ -177,8 +177,8 @@ func (w *Worker) bootstrap(task *workv1.Task, part *workv1.BootstrapTask) *workv
 
 // renderAll renders tasks into one batch per round and delivers them, latest round first: order
 // must not matter.
-func (w *Worker) renderAll(ctx context.Context, tasks []*workv1.Task) error {
-	byRound := map[uint32][]*workv1.Task{}
+func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
+	byRound := map[uint32][]*farmv1.Task{}
 	for _, t := range tasks {
 		number := max(t.GetChains().GetRound(), t.GetPaths().GetRound())
 		byRound[number] = append(byRound[number], t)
@@ -202,22 +202,22 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*workv1.Task) error {
 	return nil
 }
 
-func (w *Worker) fail(ctx context.Context, task *workv1.Task, cause error) error {
-	_, err := w.Client.Report(ctx, &workv1.ReportRequest{
-		WorkerId: w.id, Lease: &workv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
-		Result: &workv1.ReportRequest_Failure{Failure: &workv1.TaskFailure{
-			Reason: workv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
+func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error {
+	_, err := w.Client.Report(ctx, &farmv1.ReportRequest{
+		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
+		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
+			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
 		}},
 	})
 	return err
 }
 
-func (w *Worker) render(number uint32, tasks []*workv1.Task) (*workv1.BatchHeader, []*workv1.Tile, error) {
+func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeader, []*farmv1.Tile, error) {
 	spec := tasks[0].GetSpec()
 	c := newCanvas(spec)
-	header := &workv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
+	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
 	for _, t := range tasks {
-		var result *workv1.SegmentResult
+		var result *farmv1.SegmentResult
 		if chains := t.GetChains(); chains != nil {
 			g := chains.GetGroups()[0]
 			for i, index := range g.GetSeedIndices() {
@@ -229,11 +229,11 @@ func (w *Worker) render(number uint32, tasks []*workv1.Task) (*workv1.BatchHeade
 		} else {
 			result = c.renderPaths(spec, plan.Cells(spec, w.Report), number, t.GetPaths().GetFirstSegment())
 		}
-		result.Lease = &workv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}
+		result.Lease = &farmv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}
 		header.Segments = append(header.Segments, result)
 		header.Digest += result.GetDigest()
 	}
-	var tiles []*workv1.Tile
+	var tiles []*farmv1.Tile
 	for address, values := range c.tiles {
 		tiles = append(tiles, w.codec.EncodeTile(address, values))
 	}

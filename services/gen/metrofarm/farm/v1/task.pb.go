@@ -4,9 +4,9 @@
 // versions:
 // 	protoc-gen-go v1.36.12
 // 	protoc        v3.21.12
-// source: metrofarm/work/v1/task.proto
+// source: metrofarm/farm/v1/task.proto
 
-package workv1
+package farmv1
 
 import (
 	protoreflect "google.golang.org/protobuf/reflect/protoreflect"
@@ -70,11 +70,11 @@ func (x AnomalyKind) String() string {
 }
 
 func (AnomalyKind) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_work_v1_task_proto_enumTypes[0].Descriptor()
+	return file_metrofarm_farm_v1_task_proto_enumTypes[0].Descriptor()
 }
 
 func (AnomalyKind) Type() protoreflect.EnumType {
-	return &file_metrofarm_work_v1_task_proto_enumTypes[0]
+	return &file_metrofarm_farm_v1_task_proto_enumTypes[0]
 }
 
 func (x AnomalyKind) Number() protoreflect.EnumNumber {
@@ -83,7 +83,7 @@ func (x AnomalyKind) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use AnomalyKind.Descriptor instead.
 func (AnomalyKind) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{0}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{0}
 }
 
 // Loads the scene and reports what is in it.
@@ -95,7 +95,7 @@ type InspectTask struct {
 
 func (x *InspectTask) Reset() {
 	*x = InspectTask{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[0]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[0]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -107,7 +107,7 @@ func (x *InspectTask) String() string {
 func (*InspectTask) ProtoMessage() {}
 
 func (x *InspectTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[0]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[0]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -120,7 +120,7 @@ func (x *InspectTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use InspectTask.ProtoReflect.Descriptor instead.
 func (*InspectTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{0}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{0}
 }
 
 // Evaluates a range of the job's bootstrap samples.
@@ -136,7 +136,7 @@ type BootstrapTask struct {
 
 func (x *BootstrapTask) Reset() {
 	*x = BootstrapTask{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[1]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[1]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -148,7 +148,7 @@ func (x *BootstrapTask) String() string {
 func (*BootstrapTask) ProtoMessage() {}
 
 func (x *BootstrapTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[1]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[1]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -161,7 +161,7 @@ func (x *BootstrapTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use BootstrapTask.ProtoReflect.Descriptor instead.
 func (*BootstrapTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{1}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{1}
 }
 
 func (x *BootstrapTask) GetFirstIndex() uint64 {
@@ -196,7 +196,7 @@ type ChainGroupState struct {
 
 func (x *ChainGroupState) Reset() {
 	*x = ChainGroupState{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -208,7 +208,7 @@ func (x *ChainGroupState) String() string {
 func (*ChainGroupState) ProtoMessage() {}
 
 func (x *ChainGroupState) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -221,7 +221,7 @@ func (x *ChainGroupState) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ChainGroupState.ProtoReflect.Descriptor instead.
 func (*ChainGroupState) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{2}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{2}
 }
 
 func (x *ChainGroupState) GetGroup() uint32 {
@@ -265,7 +265,7 @@ type ChainSegmentsTask struct {
 
 func (x *ChainSegmentsTask) Reset() {
 	*x = ChainSegmentsTask{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -277,7 +277,7 @@ func (x *ChainSegmentsTask) String() string {
 func (*ChainSegmentsTask) ProtoMessage() {}
 
 func (x *ChainSegmentsTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -290,7 +290,7 @@ func (x *ChainSegmentsTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ChainSegmentsTask.ProtoReflect.Descriptor instead.
 func (*ChainSegmentsTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{3}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{3}
 }
 
 func (x *ChainSegmentsTask) GetRound() uint32 {
@@ -326,7 +326,7 @@ type PathSegmentsTask struct {
 
 func (x *PathSegmentsTask) Reset() {
 	*x = PathSegmentsTask{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -338,7 +338,7 @@ func (x *PathSegmentsTask) String() string {
 func (*PathSegmentsTask) ProtoMessage() {}
 
 func (x *PathSegmentsTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -351,7 +351,7 @@ func (x *PathSegmentsTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use PathSegmentsTask.ProtoReflect.Descriptor instead.
 func (*PathSegmentsTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{4}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{4}
 }
 
 func (x *PathSegmentsTask) GetRound() uint32 {
@@ -410,7 +410,7 @@ type Task struct {
 
 func (x *Task) Reset() {
 	*x = Task{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -422,7 +422,7 @@ func (x *Task) String() string {
 func (*Task) ProtoMessage() {}
 
 func (x *Task) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -435,7 +435,7 @@ func (x *Task) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Task.ProtoReflect.Descriptor instead.
 func (*Task) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{5}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *Task) GetTaskId() string {
@@ -561,7 +561,7 @@ type LeaseRef struct {
 
 func (x *LeaseRef) Reset() {
 	*x = LeaseRef{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -573,7 +573,7 @@ func (x *LeaseRef) String() string {
 func (*LeaseRef) ProtoMessage() {}
 
 func (x *LeaseRef) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -586,7 +586,7 @@ func (x *LeaseRef) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseRef.ProtoReflect.Descriptor instead.
 func (*LeaseRef) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{6}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *LeaseRef) GetTaskId() string {
@@ -607,7 +607,7 @@ func (x *LeaseRef) GetEpoch() uint64 {
 type Anomaly struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// What was wrong.
-	Kind AnomalyKind `protobuf:"varint,1,opt,name=kind,proto3,enum=metrofarm.work.v1.AnomalyKind" json:"kind,omitempty"`
+	Kind AnomalyKind `protobuf:"varint,1,opt,name=kind,proto3,enum=metrofarm.farm.v1.AnomalyKind" json:"kind,omitempty"`
 	// Where it arose: "emission", "emitter_sample", "environment", "scattering", "film".
 	Place string `protobuf:"bytes,2,opt,name=place,proto3" json:"place,omitempty"`
 	// Path edges at which it arose.
@@ -620,7 +620,7 @@ type Anomaly struct {
 
 func (x *Anomaly) Reset() {
 	*x = Anomaly{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -632,7 +632,7 @@ func (x *Anomaly) String() string {
 func (*Anomaly) ProtoMessage() {}
 
 func (x *Anomaly) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -645,7 +645,7 @@ func (x *Anomaly) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Anomaly.ProtoReflect.Descriptor instead.
 func (*Anomaly) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{7}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *Anomaly) GetKind() AnomalyKind {
@@ -701,7 +701,7 @@ type SegmentCounts struct {
 
 func (x *SegmentCounts) Reset() {
 	*x = SegmentCounts{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -713,7 +713,7 @@ func (x *SegmentCounts) String() string {
 func (*SegmentCounts) ProtoMessage() {}
 
 func (x *SegmentCounts) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -726,7 +726,7 @@ func (x *SegmentCounts) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SegmentCounts.ProtoReflect.Descriptor instead.
 func (*SegmentCounts) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{8}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *SegmentCounts) GetMutations() uint64 {
@@ -800,7 +800,7 @@ type LargeStepSums struct {
 
 func (x *LargeStepSums) Reset() {
 	*x = LargeStepSums{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -812,7 +812,7 @@ func (x *LargeStepSums) String() string {
 func (*LargeStepSums) ProtoMessage() {}
 
 func (x *LargeStepSums) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -825,7 +825,7 @@ func (x *LargeStepSums) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LargeStepSums.ProtoReflect.Descriptor instead.
 func (*LargeStepSums) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{9}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *LargeStepSums) GetCount() uint64 {
@@ -870,7 +870,7 @@ type SegmentResult struct {
 
 func (x *SegmentResult) Reset() {
 	*x = SegmentResult{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -882,7 +882,7 @@ func (x *SegmentResult) String() string {
 func (*SegmentResult) ProtoMessage() {}
 
 func (x *SegmentResult) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -895,7 +895,7 @@ func (x *SegmentResult) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SegmentResult.ProtoReflect.Descriptor instead.
 func (*SegmentResult) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{10}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{10}
 }
 
 func (x *SegmentResult) GetSegment() uint32 {
@@ -975,7 +975,7 @@ type BatchHeader struct {
 
 func (x *BatchHeader) Reset() {
 	*x = BatchHeader{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -987,7 +987,7 @@ func (x *BatchHeader) String() string {
 func (*BatchHeader) ProtoMessage() {}
 
 func (x *BatchHeader) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1000,7 +1000,7 @@ func (x *BatchHeader) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use BatchHeader.ProtoReflect.Descriptor instead.
 func (*BatchHeader) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{11}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{11}
 }
 
 func (x *BatchHeader) GetJobId() string {
@@ -1073,7 +1073,7 @@ type Tile struct {
 
 func (x *Tile) Reset() {
 	*x = Tile{}
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1085,7 +1085,7 @@ func (x *Tile) String() string {
 func (*Tile) ProtoMessage() {}
 
 func (x *Tile) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_task_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1098,7 +1098,7 @@ func (x *Tile) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Tile.ProtoReflect.Descriptor instead.
 func (*Tile) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_task_proto_rawDescGZIP(), []int{12}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{12}
 }
 
 func (x *Tile) GetLow() bool {
@@ -1136,11 +1136,11 @@ func (x *Tile) GetData() []byte {
 	return nil
 }
 
-var File_metrofarm_work_v1_task_proto protoreflect.FileDescriptor
+var File_metrofarm_farm_v1_task_proto protoreflect.FileDescriptor
 
-const file_metrofarm_work_v1_task_proto_rawDesc = "" +
+const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\n" +
-	"\x1cmetrofarm/work/v1/task.proto\x12\x11metrofarm.work.v1\x1a\x1bmetrofarm/job/v1/spec.proto\x1a\x1emetrofarm/scene/v1/scene.proto\"\r\n" +
+	"\x1cmetrofarm/farm/v1/task.proto\x12\x11metrofarm.farm.v1\x1a\x1bmetrofarm/job/v1/spec.proto\x1a\x1emetrofarm/scene/v1/scene.proto\"\r\n" +
 	"\vInspectTask\"F\n" +
 	"\rBootstrapTask\x12\x1f\n" +
 	"\vfirst_index\x18\x01 \x01(\x04R\n" +
@@ -1154,7 +1154,7 @@ const file_metrofarm_work_v1_task_proto_rawDesc = "" +
 	"seedValues\"e\n" +
 	"\x11ChainSegmentsTask\x12\x14\n" +
 	"\x05round\x18\x01 \x01(\rR\x05round\x12:\n" +
-	"\x06groups\x18\x02 \x03(\v2\".metrofarm.work.v1.ChainGroupStateR\x06groups\"\x95\x01\n" +
+	"\x06groups\x18\x02 \x03(\v2\".metrofarm.farm.v1.ChainGroupStateR\x06groups\"\x95\x01\n" +
 	"\x10PathSegmentsTask\x12\x14\n" +
 	"\x05round\x18\x01 \x01(\rR\x05round\x12#\n" +
 	"\rfirst_segment\x18\x02 \x01(\rR\ffirstSegment\x12#\n" +
@@ -1166,16 +1166,16 @@ const file_metrofarm_work_v1_task_proto_rawDesc = "" +
 	"\x06job_id\x18\x03 \x01(\tR\x05jobId\x122\n" +
 	"\x05scene\x18\x04 \x01(\v2\x1c.metrofarm.scene.v1.SceneRefR\x05scene\x122\n" +
 	"\x04spec\x18\x05 \x01(\v2\x1e.metrofarm.job.v1.ResolvedSpecR\x04spec\x12:\n" +
-	"\ainspect\x18\x06 \x01(\v2\x1e.metrofarm.work.v1.InspectTaskH\x00R\ainspect\x12@\n" +
-	"\tbootstrap\x18\a \x01(\v2 .metrofarm.work.v1.BootstrapTaskH\x00R\tbootstrap\x12>\n" +
-	"\x06chains\x18\b \x01(\v2$.metrofarm.work.v1.ChainSegmentsTaskH\x00R\x06chains\x12;\n" +
-	"\x05paths\x18\t \x01(\v2#.metrofarm.work.v1.PathSegmentsTaskH\x00R\x05pathsB\x06\n" +
+	"\ainspect\x18\x06 \x01(\v2\x1e.metrofarm.farm.v1.InspectTaskH\x00R\ainspect\x12@\n" +
+	"\tbootstrap\x18\a \x01(\v2 .metrofarm.farm.v1.BootstrapTaskH\x00R\tbootstrap\x12>\n" +
+	"\x06chains\x18\b \x01(\v2$.metrofarm.farm.v1.ChainSegmentsTaskH\x00R\x06chains\x12;\n" +
+	"\x05paths\x18\t \x01(\v2#.metrofarm.farm.v1.PathSegmentsTaskH\x00R\x05pathsB\x06\n" +
 	"\x04work\"9\n" +
 	"\bLeaseRef\x12\x17\n" +
 	"\atask_id\x18\x01 \x01(\tR\x06taskId\x12\x14\n" +
 	"\x05epoch\x18\x02 \x01(\x04R\x05epoch\"\x90\x01\n" +
 	"\aAnomaly\x122\n" +
-	"\x04kind\x18\x01 \x01(\x0e2\x1e.metrofarm.work.v1.AnomalyKindR\x04kind\x12\x14\n" +
+	"\x04kind\x18\x01 \x01(\x0e2\x1e.metrofarm.farm.v1.AnomalyKindR\x04kind\x12\x14\n" +
 	"\x05place\x18\x02 \x01(\tR\x05place\x12\x14\n" +
 	"\x05depth\x18\x03 \x01(\rR\x05depth\x12%\n" +
 	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\x9a\x02\n" +
@@ -1197,21 +1197,21 @@ const file_metrofarm_work_v1_task_proto_rawDesc = "" +
 	"sumSquares\"\x8e\x02\n" +
 	"\rSegmentResult\x12\x18\n" +
 	"\asegment\x18\x01 \x01(\rR\asegment\x121\n" +
-	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.work.v1.LeaseRefR\x05lease\x12\x16\n" +
+	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x12\x16\n" +
 	"\x06digest\x18\x03 \x01(\x06R\x06digest\x128\n" +
-	"\x06counts\x18\x04 \x01(\v2 .metrofarm.work.v1.SegmentCountsR\x06counts\x12\x14\n" +
+	"\x06counts\x18\x04 \x01(\v2 .metrofarm.farm.v1.SegmentCountsR\x06counts\x12\x14\n" +
 	"\x05state\x18\x05 \x01(\fR\x05state\x12H\n" +
-	"\x0flarge_step_sums\x18\x06 \x03(\v2 .metrofarm.work.v1.LargeStepSumsR\rlargeStepSums\"\x8a\x02\n" +
+	"\x0flarge_step_sums\x18\x06 \x03(\v2 .metrofarm.farm.v1.LargeStepSumsR\rlargeStepSums\"\x8a\x02\n" +
 	"\vBatchHeader\x12\x15\n" +
 	"\x06job_id\x18\x01 \x01(\tR\x05jobId\x12\x14\n" +
 	"\x05round\x18\x02 \x01(\rR\x05round\x12<\n" +
-	"\bsegments\x18\x03 \x03(\v2 .metrofarm.work.v1.SegmentResultR\bsegments\x12\x16\n" +
+	"\bsegments\x18\x03 \x03(\v2 .metrofarm.farm.v1.SegmentResultR\bsegments\x12\x16\n" +
 	"\x06digest\x18\x04 \x01(\x06R\x06digest\x12\x1d\n" +
 	"\n" +
 	"tile_count\x18\x05 \x01(\rR\ttileCount\x12\x1f\n" +
 	"\vcpu_seconds\x18\x06 \x01(\x01R\n" +
 	"cpuSeconds\x128\n" +
-	"\tanomalies\x18\a \x03(\v2\x1a.metrofarm.work.v1.AnomalyR\tanomalies\"^\n" +
+	"\tanomalies\x18\a \x03(\v2\x1a.metrofarm.farm.v1.AnomalyR\tanomalies\"^\n" +
 	"\x04Tile\x12\x10\n" +
 	"\x03low\x18\x01 \x01(\bR\x03low\x12\x14\n" +
 	"\x05plane\x18\x02 \x01(\rR\x05plane\x12\f\n" +
@@ -1223,54 +1223,54 @@ const file_metrofarm_work_v1_task_proto_rawDesc = "" +
 	"\x10ANOMALY_KIND_NAN\x10\x01\x12\x19\n" +
 	"\x15ANOMALY_KIND_INFINITE\x10\x02\x12\x19\n" +
 	"\x15ANOMALY_KIND_NEGATIVE\x10\x03\x12\x1d\n" +
-	"\x19ANOMALY_KIND_OUT_OF_RANGE\x10\x04B1Z/metrofarm/services/gen/metrofarm/work/v1;workv1b\x06proto3"
+	"\x19ANOMALY_KIND_OUT_OF_RANGE\x10\x04B1Z/metrofarm/services/gen/metrofarm/farm/v1;farmv1b\x06proto3"
 
 var (
-	file_metrofarm_work_v1_task_proto_rawDescOnce sync.Once
-	file_metrofarm_work_v1_task_proto_rawDescData []byte
+	file_metrofarm_farm_v1_task_proto_rawDescOnce sync.Once
+	file_metrofarm_farm_v1_task_proto_rawDescData []byte
 )
 
-func file_metrofarm_work_v1_task_proto_rawDescGZIP() []byte {
-	file_metrofarm_work_v1_task_proto_rawDescOnce.Do(func() {
-		file_metrofarm_work_v1_task_proto_rawDescData = protoimpl.X.CompressGZIP(unsafe.Slice(unsafe.StringData(file_metrofarm_work_v1_task_proto_rawDesc), len(file_metrofarm_work_v1_task_proto_rawDesc)))
+func file_metrofarm_farm_v1_task_proto_rawDescGZIP() []byte {
+	file_metrofarm_farm_v1_task_proto_rawDescOnce.Do(func() {
+		file_metrofarm_farm_v1_task_proto_rawDescData = protoimpl.X.CompressGZIP(unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_task_proto_rawDesc), len(file_metrofarm_farm_v1_task_proto_rawDesc)))
 	})
-	return file_metrofarm_work_v1_task_proto_rawDescData
+	return file_metrofarm_farm_v1_task_proto_rawDescData
 }
 
-var file_metrofarm_work_v1_task_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_metrofarm_work_v1_task_proto_msgTypes = make([]protoimpl.MessageInfo, 13)
-var file_metrofarm_work_v1_task_proto_goTypes = []any{
-	(AnomalyKind)(0),          // 0: metrofarm.work.v1.AnomalyKind
-	(*InspectTask)(nil),       // 1: metrofarm.work.v1.InspectTask
-	(*BootstrapTask)(nil),     // 2: metrofarm.work.v1.BootstrapTask
-	(*ChainGroupState)(nil),   // 3: metrofarm.work.v1.ChainGroupState
-	(*ChainSegmentsTask)(nil), // 4: metrofarm.work.v1.ChainSegmentsTask
-	(*PathSegmentsTask)(nil),  // 5: metrofarm.work.v1.PathSegmentsTask
-	(*Task)(nil),              // 6: metrofarm.work.v1.Task
-	(*LeaseRef)(nil),          // 7: metrofarm.work.v1.LeaseRef
-	(*Anomaly)(nil),           // 8: metrofarm.work.v1.Anomaly
-	(*SegmentCounts)(nil),     // 9: metrofarm.work.v1.SegmentCounts
-	(*LargeStepSums)(nil),     // 10: metrofarm.work.v1.LargeStepSums
-	(*SegmentResult)(nil),     // 11: metrofarm.work.v1.SegmentResult
-	(*BatchHeader)(nil),       // 12: metrofarm.work.v1.BatchHeader
-	(*Tile)(nil),              // 13: metrofarm.work.v1.Tile
+var file_metrofarm_farm_v1_task_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
+var file_metrofarm_farm_v1_task_proto_msgTypes = make([]protoimpl.MessageInfo, 13)
+var file_metrofarm_farm_v1_task_proto_goTypes = []any{
+	(AnomalyKind)(0),          // 0: metrofarm.farm.v1.AnomalyKind
+	(*InspectTask)(nil),       // 1: metrofarm.farm.v1.InspectTask
+	(*BootstrapTask)(nil),     // 2: metrofarm.farm.v1.BootstrapTask
+	(*ChainGroupState)(nil),   // 3: metrofarm.farm.v1.ChainGroupState
+	(*ChainSegmentsTask)(nil), // 4: metrofarm.farm.v1.ChainSegmentsTask
+	(*PathSegmentsTask)(nil),  // 5: metrofarm.farm.v1.PathSegmentsTask
+	(*Task)(nil),              // 6: metrofarm.farm.v1.Task
+	(*LeaseRef)(nil),          // 7: metrofarm.farm.v1.LeaseRef
+	(*Anomaly)(nil),           // 8: metrofarm.farm.v1.Anomaly
+	(*SegmentCounts)(nil),     // 9: metrofarm.farm.v1.SegmentCounts
+	(*LargeStepSums)(nil),     // 10: metrofarm.farm.v1.LargeStepSums
+	(*SegmentResult)(nil),     // 11: metrofarm.farm.v1.SegmentResult
+	(*BatchHeader)(nil),       // 12: metrofarm.farm.v1.BatchHeader
+	(*Tile)(nil),              // 13: metrofarm.farm.v1.Tile
 	(*v1.SceneRef)(nil),       // 14: metrofarm.scene.v1.SceneRef
 	(*v11.ResolvedSpec)(nil),  // 15: metrofarm.job.v1.ResolvedSpec
 }
-var file_metrofarm_work_v1_task_proto_depIdxs = []int32{
-	3,  // 0: metrofarm.work.v1.ChainSegmentsTask.groups:type_name -> metrofarm.work.v1.ChainGroupState
-	14, // 1: metrofarm.work.v1.Task.scene:type_name -> metrofarm.scene.v1.SceneRef
-	15, // 2: metrofarm.work.v1.Task.spec:type_name -> metrofarm.job.v1.ResolvedSpec
-	1,  // 3: metrofarm.work.v1.Task.inspect:type_name -> metrofarm.work.v1.InspectTask
-	2,  // 4: metrofarm.work.v1.Task.bootstrap:type_name -> metrofarm.work.v1.BootstrapTask
-	4,  // 5: metrofarm.work.v1.Task.chains:type_name -> metrofarm.work.v1.ChainSegmentsTask
-	5,  // 6: metrofarm.work.v1.Task.paths:type_name -> metrofarm.work.v1.PathSegmentsTask
-	0,  // 7: metrofarm.work.v1.Anomaly.kind:type_name -> metrofarm.work.v1.AnomalyKind
-	7,  // 8: metrofarm.work.v1.SegmentResult.lease:type_name -> metrofarm.work.v1.LeaseRef
-	9,  // 9: metrofarm.work.v1.SegmentResult.counts:type_name -> metrofarm.work.v1.SegmentCounts
-	10, // 10: metrofarm.work.v1.SegmentResult.large_step_sums:type_name -> metrofarm.work.v1.LargeStepSums
-	11, // 11: metrofarm.work.v1.BatchHeader.segments:type_name -> metrofarm.work.v1.SegmentResult
-	8,  // 12: metrofarm.work.v1.BatchHeader.anomalies:type_name -> metrofarm.work.v1.Anomaly
+var file_metrofarm_farm_v1_task_proto_depIdxs = []int32{
+	3,  // 0: metrofarm.farm.v1.ChainSegmentsTask.groups:type_name -> metrofarm.farm.v1.ChainGroupState
+	14, // 1: metrofarm.farm.v1.Task.scene:type_name -> metrofarm.scene.v1.SceneRef
+	15, // 2: metrofarm.farm.v1.Task.spec:type_name -> metrofarm.job.v1.ResolvedSpec
+	1,  // 3: metrofarm.farm.v1.Task.inspect:type_name -> metrofarm.farm.v1.InspectTask
+	2,  // 4: metrofarm.farm.v1.Task.bootstrap:type_name -> metrofarm.farm.v1.BootstrapTask
+	4,  // 5: metrofarm.farm.v1.Task.chains:type_name -> metrofarm.farm.v1.ChainSegmentsTask
+	5,  // 6: metrofarm.farm.v1.Task.paths:type_name -> metrofarm.farm.v1.PathSegmentsTask
+	0,  // 7: metrofarm.farm.v1.Anomaly.kind:type_name -> metrofarm.farm.v1.AnomalyKind
+	7,  // 8: metrofarm.farm.v1.SegmentResult.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	9,  // 9: metrofarm.farm.v1.SegmentResult.counts:type_name -> metrofarm.farm.v1.SegmentCounts
+	10, // 10: metrofarm.farm.v1.SegmentResult.large_step_sums:type_name -> metrofarm.farm.v1.LargeStepSums
+	11, // 11: metrofarm.farm.v1.BatchHeader.segments:type_name -> metrofarm.farm.v1.SegmentResult
+	8,  // 12: metrofarm.farm.v1.BatchHeader.anomalies:type_name -> metrofarm.farm.v1.Anomaly
 	13, // [13:13] is the sub-list for method output_type
 	13, // [13:13] is the sub-list for method input_type
 	13, // [13:13] is the sub-list for extension type_name
@@ -1278,12 +1278,12 @@ var file_metrofarm_work_v1_task_proto_depIdxs = []int32{
 	0,  // [0:13] is the sub-list for field type_name
 }
 
-func init() { file_metrofarm_work_v1_task_proto_init() }
-func file_metrofarm_work_v1_task_proto_init() {
-	if File_metrofarm_work_v1_task_proto != nil {
+func init() { file_metrofarm_farm_v1_task_proto_init() }
+func file_metrofarm_farm_v1_task_proto_init() {
+	if File_metrofarm_farm_v1_task_proto != nil {
 		return
 	}
-	file_metrofarm_work_v1_task_proto_msgTypes[5].OneofWrappers = []any{
+	file_metrofarm_farm_v1_task_proto_msgTypes[5].OneofWrappers = []any{
 		(*Task_Inspect)(nil),
 		(*Task_Bootstrap)(nil),
 		(*Task_Chains)(nil),
@@ -1293,18 +1293,18 @@ func file_metrofarm_work_v1_task_proto_init() {
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
-			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_work_v1_task_proto_rawDesc), len(file_metrofarm_work_v1_task_proto_rawDesc)),
+			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_task_proto_rawDesc), len(file_metrofarm_farm_v1_task_proto_rawDesc)),
 			NumEnums:      1,
 			NumMessages:   13,
 			NumExtensions: 0,
 			NumServices:   0,
 		},
-		GoTypes:           file_metrofarm_work_v1_task_proto_goTypes,
-		DependencyIndexes: file_metrofarm_work_v1_task_proto_depIdxs,
-		EnumInfos:         file_metrofarm_work_v1_task_proto_enumTypes,
-		MessageInfos:      file_metrofarm_work_v1_task_proto_msgTypes,
+		GoTypes:           file_metrofarm_farm_v1_task_proto_goTypes,
+		DependencyIndexes: file_metrofarm_farm_v1_task_proto_depIdxs,
+		EnumInfos:         file_metrofarm_farm_v1_task_proto_enumTypes,
+		MessageInfos:      file_metrofarm_farm_v1_task_proto_msgTypes,
 	}.Build()
-	File_metrofarm_work_v1_task_proto = out.File
-	file_metrofarm_work_v1_task_proto_goTypes = nil
-	file_metrofarm_work_v1_task_proto_depIdxs = nil
+	File_metrofarm_farm_v1_task_proto = out.File
+	file_metrofarm_farm_v1_task_proto_goTypes = nil
+	file_metrofarm_farm_v1_task_proto_depIdxs = nil
 }

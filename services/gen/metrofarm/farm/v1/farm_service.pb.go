@@ -4,9 +4,9 @@
 // versions:
 // 	protoc-gen-go v1.36.12
 // 	protoc        v3.21.12
-// source: metrofarm/work/v1/farm_service.proto
+// source: metrofarm/farm/v1/farm_service.proto
 
-package workv1
+package farmv1
 
 import (
 	protoreflect "google.golang.org/protobuf/reflect/protoreflect"
@@ -61,11 +61,11 @@ func (x Directive) String() string {
 }
 
 func (Directive) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_work_v1_farm_service_proto_enumTypes[0].Descriptor()
+	return file_metrofarm_farm_v1_farm_service_proto_enumTypes[0].Descriptor()
 }
 
 func (Directive) Type() protoreflect.EnumType {
-	return &file_metrofarm_work_v1_farm_service_proto_enumTypes[0]
+	return &file_metrofarm_farm_v1_farm_service_proto_enumTypes[0]
 }
 
 func (x Directive) Number() protoreflect.EnumNumber {
@@ -74,7 +74,7 @@ func (x Directive) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use Directive.Descriptor instead.
 func (Directive) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{0}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{0}
 }
 
 // Why a task failed.
@@ -118,11 +118,11 @@ func (x FailureReason) String() string {
 }
 
 func (FailureReason) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_work_v1_farm_service_proto_enumTypes[1].Descriptor()
+	return file_metrofarm_farm_v1_farm_service_proto_enumTypes[1].Descriptor()
 }
 
 func (FailureReason) Type() protoreflect.EnumType {
-	return &file_metrofarm_work_v1_farm_service_proto_enumTypes[1]
+	return &file_metrofarm_farm_v1_farm_service_proto_enumTypes[1]
 }
 
 func (x FailureReason) Number() protoreflect.EnumNumber {
@@ -131,7 +131,7 @@ func (x FailureReason) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use FailureReason.Descriptor instead.
 func (FailureReason) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{1}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{1}
 }
 
 // What became of a result.
@@ -185,11 +185,11 @@ func (x Outcome) String() string {
 }
 
 func (Outcome) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_work_v1_farm_service_proto_enumTypes[2].Descriptor()
+	return file_metrofarm_farm_v1_farm_service_proto_enumTypes[2].Descriptor()
 }
 
 func (Outcome) Type() protoreflect.EnumType {
-	return &file_metrofarm_work_v1_farm_service_proto_enumTypes[2]
+	return &file_metrofarm_farm_v1_farm_service_proto_enumTypes[2]
 }
 
 func (x Outcome) Number() protoreflect.EnumNumber {
@@ -198,7 +198,7 @@ func (x Outcome) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use Outcome.Descriptor instead.
 func (Outcome) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{2}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{2}
 }
 
 // Introduces a worker.
@@ -218,7 +218,7 @@ type RegisterRequest struct {
 
 func (x *RegisterRequest) Reset() {
 	*x = RegisterRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[0]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[0]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -230,7 +230,7 @@ func (x *RegisterRequest) String() string {
 func (*RegisterRequest) ProtoMessage() {}
 
 func (x *RegisterRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[0]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[0]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -243,7 +243,7 @@ func (x *RegisterRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RegisterRequest.ProtoReflect.Descriptor instead.
 func (*RegisterRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{0}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{0}
 }
 
 func (x *RegisterRequest) GetName() string {
@@ -287,7 +287,7 @@ type RegisterResponse struct {
 
 func (x *RegisterResponse) Reset() {
 	*x = RegisterResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[1]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[1]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -299,7 +299,7 @@ func (x *RegisterResponse) String() string {
 func (*RegisterResponse) ProtoMessage() {}
 
 func (x *RegisterResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[1]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[1]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -312,7 +312,7 @@ func (x *RegisterResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RegisterResponse.ProtoReflect.Descriptor instead.
 func (*RegisterResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{1}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{1}
 }
 
 func (x *RegisterResponse) GetWorkerId() string {
@@ -344,7 +344,7 @@ type LeaseRequest struct {
 
 func (x *LeaseRequest) Reset() {
 	*x = LeaseRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[2]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -356,7 +356,7 @@ func (x *LeaseRequest) String() string {
 func (*LeaseRequest) ProtoMessage() {}
 
 func (x *LeaseRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[2]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -369,7 +369,7 @@ func (x *LeaseRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseRequest.ProtoReflect.Descriptor instead.
 func (*LeaseRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{2}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{2}
 }
 
 func (x *LeaseRequest) GetWorkerId() string {
@@ -408,7 +408,7 @@ type LeaseResponse struct {
 
 func (x *LeaseResponse) Reset() {
 	*x = LeaseResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[3]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -420,7 +420,7 @@ func (x *LeaseResponse) String() string {
 func (*LeaseResponse) ProtoMessage() {}
 
 func (x *LeaseResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[3]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -433,7 +433,7 @@ func (x *LeaseResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseResponse.ProtoReflect.Descriptor instead.
 func (*LeaseResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{3}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{3}
 }
 
 func (x *LeaseResponse) GetTasks() []*Task {
@@ -472,7 +472,7 @@ type LeaseProgress struct {
 
 func (x *LeaseProgress) Reset() {
 	*x = LeaseProgress{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -484,7 +484,7 @@ func (x *LeaseProgress) String() string {
 func (*LeaseProgress) ProtoMessage() {}
 
 func (x *LeaseProgress) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -497,7 +497,7 @@ func (x *LeaseProgress) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseProgress.ProtoReflect.Descriptor instead.
 func (*LeaseProgress) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{4}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{4}
 }
 
 func (x *LeaseProgress) GetLease() *LeaseRef {
@@ -534,7 +534,7 @@ type HeartbeatRequest struct {
 
 func (x *HeartbeatRequest) Reset() {
 	*x = HeartbeatRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -546,7 +546,7 @@ func (x *HeartbeatRequest) String() string {
 func (*HeartbeatRequest) ProtoMessage() {}
 
 func (x *HeartbeatRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -559,7 +559,7 @@ func (x *HeartbeatRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use HeartbeatRequest.ProtoReflect.Descriptor instead.
 func (*HeartbeatRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{5}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *HeartbeatRequest) GetWorkerId() string {
@@ -582,14 +582,14 @@ type LeaseDirective struct {
 	// The lease.
 	Lease *LeaseRef `protobuf:"bytes,1,opt,name=lease,proto3" json:"lease,omitempty"`
 	// What to do with it.
-	Directive     Directive `protobuf:"varint,2,opt,name=directive,proto3,enum=metrofarm.work.v1.Directive" json:"directive,omitempty"`
+	Directive     Directive `protobuf:"varint,2,opt,name=directive,proto3,enum=metrofarm.farm.v1.Directive" json:"directive,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
 func (x *LeaseDirective) Reset() {
 	*x = LeaseDirective{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -601,7 +601,7 @@ func (x *LeaseDirective) String() string {
 func (*LeaseDirective) ProtoMessage() {}
 
 func (x *LeaseDirective) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -614,7 +614,7 @@ func (x *LeaseDirective) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseDirective.ProtoReflect.Descriptor instead.
 func (*LeaseDirective) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{6}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *LeaseDirective) GetLease() *LeaseRef {
@@ -644,7 +644,7 @@ type HeartbeatResponse struct {
 
 func (x *HeartbeatResponse) Reset() {
 	*x = HeartbeatResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -656,7 +656,7 @@ func (x *HeartbeatResponse) String() string {
 func (*HeartbeatResponse) ProtoMessage() {}
 
 func (x *HeartbeatResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -669,7 +669,7 @@ func (x *HeartbeatResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use HeartbeatResponse.ProtoReflect.Descriptor instead.
 func (*HeartbeatResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{7}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *HeartbeatResponse) GetDirectives() []*LeaseDirective {
@@ -699,7 +699,7 @@ type FetchBundleRequest struct {
 
 func (x *FetchBundleRequest) Reset() {
 	*x = FetchBundleRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -711,7 +711,7 @@ func (x *FetchBundleRequest) String() string {
 func (*FetchBundleRequest) ProtoMessage() {}
 
 func (x *FetchBundleRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -724,7 +724,7 @@ func (x *FetchBundleRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use FetchBundleRequest.ProtoReflect.Descriptor instead.
 func (*FetchBundleRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{8}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *FetchBundleRequest) GetWorkerId() string {
@@ -757,7 +757,7 @@ type FetchBundleResponse struct {
 
 func (x *FetchBundleResponse) Reset() {
 	*x = FetchBundleResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -769,7 +769,7 @@ func (x *FetchBundleResponse) String() string {
 func (*FetchBundleResponse) ProtoMessage() {}
 
 func (x *FetchBundleResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -782,7 +782,7 @@ func (x *FetchBundleResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use FetchBundleResponse.ProtoReflect.Descriptor instead.
 func (*FetchBundleResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{9}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *FetchBundleResponse) GetContent() isFetchBundleResponse_Content {
@@ -850,7 +850,7 @@ type BootstrapResult struct {
 
 func (x *BootstrapResult) Reset() {
 	*x = BootstrapResult{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[10]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -862,7 +862,7 @@ func (x *BootstrapResult) String() string {
 func (*BootstrapResult) ProtoMessage() {}
 
 func (x *BootstrapResult) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[10]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -875,7 +875,7 @@ func (x *BootstrapResult) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use BootstrapResult.ProtoReflect.Descriptor instead.
 func (*BootstrapResult) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{10}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{10}
 }
 
 func (x *BootstrapResult) GetFirstIndex() uint64 {
@@ -924,7 +924,7 @@ func (x *BootstrapResult) GetCpuSeconds() float64 {
 type TaskFailure struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Why.
-	Reason FailureReason `protobuf:"varint,1,opt,name=reason,proto3,enum=metrofarm.work.v1.FailureReason" json:"reason,omitempty"`
+	Reason FailureReason `protobuf:"varint,1,opt,name=reason,proto3,enum=metrofarm.farm.v1.FailureReason" json:"reason,omitempty"`
 	// For people: file, line and what would be right where the input is at fault.
 	Message       string `protobuf:"bytes,2,opt,name=message,proto3" json:"message,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -933,7 +933,7 @@ type TaskFailure struct {
 
 func (x *TaskFailure) Reset() {
 	*x = TaskFailure{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -945,7 +945,7 @@ func (x *TaskFailure) String() string {
 func (*TaskFailure) ProtoMessage() {}
 
 func (x *TaskFailure) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -958,7 +958,7 @@ func (x *TaskFailure) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use TaskFailure.ProtoReflect.Descriptor instead.
 func (*TaskFailure) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{11}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{11}
 }
 
 func (x *TaskFailure) GetReason() FailureReason {
@@ -996,7 +996,7 @@ type ReportRequest struct {
 
 func (x *ReportRequest) Reset() {
 	*x = ReportRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1008,7 +1008,7 @@ func (x *ReportRequest) String() string {
 func (*ReportRequest) ProtoMessage() {}
 
 func (x *ReportRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1021,7 +1021,7 @@ func (x *ReportRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ReportRequest.ProtoReflect.Descriptor instead.
 func (*ReportRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{12}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{12}
 }
 
 func (x *ReportRequest) GetWorkerId() string {
@@ -1101,7 +1101,7 @@ func (*ReportRequest_Failure) isReportRequest_Result() {}
 type ReportResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// What became of it.
-	Outcome Outcome `protobuf:"varint,1,opt,name=outcome,proto3,enum=metrofarm.work.v1.Outcome" json:"outcome,omitempty"`
+	Outcome Outcome `protobuf:"varint,1,opt,name=outcome,proto3,enum=metrofarm.farm.v1.Outcome" json:"outcome,omitempty"`
 	// For people, where the outcome is not OUTCOME_COMMITTED.
 	Message       string `protobuf:"bytes,2,opt,name=message,proto3" json:"message,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -1110,7 +1110,7 @@ type ReportResponse struct {
 
 func (x *ReportResponse) Reset() {
 	*x = ReportResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[13]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1122,7 +1122,7 @@ func (x *ReportResponse) String() string {
 func (*ReportResponse) ProtoMessage() {}
 
 func (x *ReportResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[13]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1135,7 +1135,7 @@ func (x *ReportResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ReportResponse.ProtoReflect.Descriptor instead.
 func (*ReportResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{13}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{13}
 }
 
 func (x *ReportResponse) GetOutcome() Outcome {
@@ -1168,7 +1168,7 @@ type DeliverRequest struct {
 
 func (x *DeliverRequest) Reset() {
 	*x = DeliverRequest{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[14]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1180,7 +1180,7 @@ func (x *DeliverRequest) String() string {
 func (*DeliverRequest) ProtoMessage() {}
 
 func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[14]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1193,7 +1193,7 @@ func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverRequest.ProtoReflect.Descriptor instead.
 func (*DeliverRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{14}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{14}
 }
 
 func (x *DeliverRequest) GetContent() isDeliverRequest_Content {
@@ -1252,7 +1252,7 @@ type DeliverHeader struct {
 
 func (x *DeliverHeader) Reset() {
 	*x = DeliverHeader{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1264,7 +1264,7 @@ func (x *DeliverHeader) String() string {
 func (*DeliverHeader) ProtoMessage() {}
 
 func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1277,7 +1277,7 @@ func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverHeader.ProtoReflect.Descriptor instead.
 func (*DeliverHeader) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{15}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{15}
 }
 
 func (x *DeliverHeader) GetWorkerId() string {
@@ -1305,7 +1305,7 @@ type DeliverTiles struct {
 
 func (x *DeliverTiles) Reset() {
 	*x = DeliverTiles{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1317,7 +1317,7 @@ func (x *DeliverTiles) String() string {
 func (*DeliverTiles) ProtoMessage() {}
 
 func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1330,7 +1330,7 @@ func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverTiles.ProtoReflect.Descriptor instead.
 func (*DeliverTiles) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{16}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{16}
 }
 
 func (x *DeliverTiles) GetTiles() []*Tile {
@@ -1344,7 +1344,7 @@ func (x *DeliverTiles) GetTiles() []*Tile {
 type DeliverResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// What became of the batch.
-	Outcome Outcome `protobuf:"varint,1,opt,name=outcome,proto3,enum=metrofarm.work.v1.Outcome" json:"outcome,omitempty"`
+	Outcome Outcome `protobuf:"varint,1,opt,name=outcome,proto3,enum=metrofarm.farm.v1.Outcome" json:"outcome,omitempty"`
 	// For people, where the outcome is not OUTCOME_COMMITTED.
 	Message       string `protobuf:"bytes,2,opt,name=message,proto3" json:"message,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -1353,7 +1353,7 @@ type DeliverResponse struct {
 
 func (x *DeliverResponse) Reset() {
 	*x = DeliverResponse{}
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1365,7 +1365,7 @@ func (x *DeliverResponse) String() string {
 func (*DeliverResponse) ProtoMessage() {}
 
 func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_work_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1378,7 +1378,7 @@ func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverResponse.ProtoReflect.Descriptor instead.
 func (*DeliverResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_work_v1_farm_service_proto_rawDescGZIP(), []int{17}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{17}
 }
 
 func (x *DeliverResponse) GetOutcome() Outcome {
@@ -1395,11 +1395,11 @@ func (x *DeliverResponse) GetMessage() string {
 	return ""
 }
 
-var File_metrofarm_work_v1_farm_service_proto protoreflect.FileDescriptor
+var File_metrofarm_farm_v1_farm_service_proto protoreflect.FileDescriptor
 
-const file_metrofarm_work_v1_farm_service_proto_rawDesc = "" +
+const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\n" +
-	"$metrofarm/work/v1/farm_service.proto\x12\x11metrofarm.work.v1\x1a\x1emetrofarm/scene/v1/scene.proto\x1a\x1cmetrofarm/work/v1/task.proto\"u\n" +
+	"$metrofarm/farm/v1/farm_service.proto\x12\x11metrofarm.farm.v1\x1a\x1emetrofarm/scene/v1/scene.proto\x1a\x1cmetrofarm/farm/v1/task.proto\"u\n" +
 	"\x0fRegisterRequest\x12\x12\n" +
 	"\x04name\x18\x01 \x01(\tR\x04name\x12\x18\n" +
 	"\aversion\x18\x02 \x01(\tR\aversion\x12\x18\n" +
@@ -1413,23 +1413,23 @@ const file_metrofarm_work_v1_farm_service_proto_rawDesc = "" +
 	"\fmax_segments\x18\x02 \x01(\rR\vmaxSegments\x12!\n" +
 	"\fwait_seconds\x18\x03 \x01(\x01R\vwaitSeconds\"u\n" +
 	"\rLeaseResponse\x12-\n" +
-	"\x05tasks\x18\x01 \x03(\v2\x17.metrofarm.work.v1.TaskR\x05tasks\x12\x1f\n" +
+	"\x05tasks\x18\x01 \x03(\v2\x17.metrofarm.farm.v1.TaskR\x05tasks\x12\x1f\n" +
 	"\vttl_seconds\x18\x02 \x01(\x01R\n" +
 	"ttlSeconds\x12\x14\n" +
 	"\x05drain\x18\x03 \x01(\bR\x05drain\"z\n" +
 	"\rLeaseProgress\x121\n" +
-	"\x05lease\x18\x01 \x01(\v2\x1b.metrofarm.work.v1.LeaseRefR\x05lease\x12\x1a\n" +
+	"\x05lease\x18\x01 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x12\x1a\n" +
 	"\bfraction\x18\x02 \x01(\x01R\bfraction\x12\x1a\n" +
 	"\bactivity\x18\x03 \x01(\tR\bactivity\"i\n" +
 	"\x10HeartbeatRequest\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x128\n" +
-	"\x06leases\x18\x02 \x03(\v2 .metrofarm.work.v1.LeaseProgressR\x06leases\"\x7f\n" +
+	"\x06leases\x18\x02 \x03(\v2 .metrofarm.farm.v1.LeaseProgressR\x06leases\"\x7f\n" +
 	"\x0eLeaseDirective\x121\n" +
-	"\x05lease\x18\x01 \x01(\v2\x1b.metrofarm.work.v1.LeaseRefR\x05lease\x12:\n" +
-	"\tdirective\x18\x02 \x01(\x0e2\x1c.metrofarm.work.v1.DirectiveR\tdirective\"l\n" +
+	"\x05lease\x18\x01 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x12:\n" +
+	"\tdirective\x18\x02 \x01(\x0e2\x1c.metrofarm.farm.v1.DirectiveR\tdirective\"l\n" +
 	"\x11HeartbeatResponse\x12A\n" +
 	"\n" +
-	"directives\x18\x01 \x03(\v2!.metrofarm.work.v1.LeaseDirectiveR\n" +
+	"directives\x18\x01 \x03(\v2!.metrofarm.farm.v1.LeaseDirectiveR\n" +
 	"directives\x12\x14\n" +
 	"\x05drain\x18\x02 \x01(\bR\x05drain\"V\n" +
 	"\x12FetchBundleRequest\x12\x1b\n" +
@@ -1445,33 +1445,33 @@ const file_metrofarm_work_v1_farm_service_proto_rawDesc = "" +
 	"\x06values\x18\x02 \x03(\x02R\x06values\x12\x12\n" +
 	"\x04rays\x18\x03 \x01(\x04R\x04rays\x12%\n" +
 	"\x0eanomaly_counts\x18\x04 \x03(\x04R\ranomalyCounts\x128\n" +
-	"\tanomalies\x18\x05 \x03(\v2\x1a.metrofarm.work.v1.AnomalyR\tanomalies\x12\x1f\n" +
+	"\tanomalies\x18\x05 \x03(\v2\x1a.metrofarm.farm.v1.AnomalyR\tanomalies\x12\x1f\n" +
 	"\vcpu_seconds\x18\x06 \x01(\x01R\n" +
 	"cpuSeconds\"a\n" +
 	"\vTaskFailure\x128\n" +
-	"\x06reason\x18\x01 \x01(\x0e2 .metrofarm.work.v1.FailureReasonR\x06reason\x12\x18\n" +
+	"\x06reason\x18\x01 \x01(\x0e2 .metrofarm.farm.v1.FailureReasonR\x06reason\x12\x18\n" +
 	"\amessage\x18\x02 \x01(\tR\amessage\"\xa2\x02\n" +
 	"\rReportRequest\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x121\n" +
-	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.work.v1.LeaseRefR\x05lease\x127\n" +
+	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x127\n" +
 	"\x05scene\x18\x03 \x01(\v2\x1f.metrofarm.scene.v1.SceneReportH\x00R\x05scene\x12B\n" +
-	"\tbootstrap\x18\x04 \x01(\v2\".metrofarm.work.v1.BootstrapResultH\x00R\tbootstrap\x12:\n" +
-	"\afailure\x18\x05 \x01(\v2\x1e.metrofarm.work.v1.TaskFailureH\x00R\afailureB\b\n" +
+	"\tbootstrap\x18\x04 \x01(\v2\".metrofarm.farm.v1.BootstrapResultH\x00R\tbootstrap\x12:\n" +
+	"\afailure\x18\x05 \x01(\v2\x1e.metrofarm.farm.v1.TaskFailureH\x00R\afailureB\b\n" +
 	"\x06result\"`\n" +
 	"\x0eReportResponse\x124\n" +
-	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.work.v1.OutcomeR\aoutcome\x12\x18\n" +
+	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +
 	"\amessage\x18\x02 \x01(\tR\amessage\"\x90\x01\n" +
 	"\x0eDeliverRequest\x12:\n" +
-	"\x06header\x18\x01 \x01(\v2 .metrofarm.work.v1.DeliverHeaderH\x00R\x06header\x127\n" +
-	"\x05tiles\x18\x02 \x01(\v2\x1f.metrofarm.work.v1.DeliverTilesH\x00R\x05tilesB\t\n" +
+	"\x06header\x18\x01 \x01(\v2 .metrofarm.farm.v1.DeliverHeaderH\x00R\x06header\x127\n" +
+	"\x05tiles\x18\x02 \x01(\v2\x1f.metrofarm.farm.v1.DeliverTilesH\x00R\x05tilesB\t\n" +
 	"\acontent\"b\n" +
 	"\rDeliverHeader\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x124\n" +
-	"\x05batch\x18\x02 \x01(\v2\x1e.metrofarm.work.v1.BatchHeaderR\x05batch\"=\n" +
+	"\x05batch\x18\x02 \x01(\v2\x1e.metrofarm.farm.v1.BatchHeaderR\x05batch\"=\n" +
 	"\fDeliverTiles\x12-\n" +
-	"\x05tiles\x18\x01 \x03(\v2\x17.metrofarm.work.v1.TileR\x05tiles\"a\n" +
+	"\x05tiles\x18\x01 \x03(\v2\x17.metrofarm.farm.v1.TileR\x05tiles\"a\n" +
 	"\x0fDeliverResponse\x124\n" +
-	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.work.v1.OutcomeR\aoutcome\x12\x18\n" +
+	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +
 	"\amessage\x18\x02 \x01(\tR\amessage*U\n" +
 	"\tDirective\x12\x19\n" +
 	"\x15DIRECTIVE_UNSPECIFIED\x10\x00\x12\x16\n" +
@@ -1490,89 +1490,89 @@ const file_metrofarm_work_v1_farm_service_proto_rawDesc = "" +
 	"\x10OUTCOME_CONFLICT\x10\x04\x12\x14\n" +
 	"\x10OUTCOME_REJECTED\x10\x052\x89\x04\n" +
 	"\vFarmService\x12S\n" +
-	"\bRegister\x12\".metrofarm.work.v1.RegisterRequest\x1a#.metrofarm.work.v1.RegisterResponse\x12J\n" +
-	"\x05Lease\x12\x1f.metrofarm.work.v1.LeaseRequest\x1a .metrofarm.work.v1.LeaseResponse\x12V\n" +
-	"\tHeartbeat\x12#.metrofarm.work.v1.HeartbeatRequest\x1a$.metrofarm.work.v1.HeartbeatResponse\x12^\n" +
-	"\vFetchBundle\x12%.metrofarm.work.v1.FetchBundleRequest\x1a&.metrofarm.work.v1.FetchBundleResponse0\x01\x12M\n" +
-	"\x06Report\x12 .metrofarm.work.v1.ReportRequest\x1a!.metrofarm.work.v1.ReportResponse\x12R\n" +
-	"\aDeliver\x12!.metrofarm.work.v1.DeliverRequest\x1a\".metrofarm.work.v1.DeliverResponse(\x01B1Z/metrofarm/services/gen/metrofarm/work/v1;workv1b\x06proto3"
+	"\bRegister\x12\".metrofarm.farm.v1.RegisterRequest\x1a#.metrofarm.farm.v1.RegisterResponse\x12J\n" +
+	"\x05Lease\x12\x1f.metrofarm.farm.v1.LeaseRequest\x1a .metrofarm.farm.v1.LeaseResponse\x12V\n" +
+	"\tHeartbeat\x12#.metrofarm.farm.v1.HeartbeatRequest\x1a$.metrofarm.farm.v1.HeartbeatResponse\x12^\n" +
+	"\vFetchBundle\x12%.metrofarm.farm.v1.FetchBundleRequest\x1a&.metrofarm.farm.v1.FetchBundleResponse0\x01\x12M\n" +
+	"\x06Report\x12 .metrofarm.farm.v1.ReportRequest\x1a!.metrofarm.farm.v1.ReportResponse\x12R\n" +
+	"\aDeliver\x12!.metrofarm.farm.v1.DeliverRequest\x1a\".metrofarm.farm.v1.DeliverResponse(\x01B1Z/metrofarm/services/gen/metrofarm/farm/v1;farmv1b\x06proto3"
 
 var (
-	file_metrofarm_work_v1_farm_service_proto_rawDescOnce sync.Once
-	file_metrofarm_work_v1_farm_service_proto_rawDescData []byte
+	file_metrofarm_farm_v1_farm_service_proto_rawDescOnce sync.Once
+	file_metrofarm_farm_v1_farm_service_proto_rawDescData []byte
 )
 
-func file_metrofarm_work_v1_farm_service_proto_rawDescGZIP() []byte {
-	file_metrofarm_work_v1_farm_service_proto_rawDescOnce.Do(func() {
-		file_metrofarm_work_v1_farm_service_proto_rawDescData = protoimpl.X.CompressGZIP(unsafe.Slice(unsafe.StringData(file_metrofarm_work_v1_farm_service_proto_rawDesc), len(file_metrofarm_work_v1_farm_service_proto_rawDesc)))
+func file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP() []byte {
+	file_metrofarm_farm_v1_farm_service_proto_rawDescOnce.Do(func() {
+		file_metrofarm_farm_v1_farm_service_proto_rawDescData = protoimpl.X.CompressGZIP(unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_farm_service_proto_rawDesc), len(file_metrofarm_farm_v1_farm_service_proto_rawDesc)))
 	})
-	return file_metrofarm_work_v1_farm_service_proto_rawDescData
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescData
 }
 
-var file_metrofarm_work_v1_farm_service_proto_enumTypes = make([]protoimpl.EnumInfo, 3)
-var file_metrofarm_work_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 18)
-var file_metrofarm_work_v1_farm_service_proto_goTypes = []any{
-	(Directive)(0),              // 0: metrofarm.work.v1.Directive
-	(FailureReason)(0),          // 1: metrofarm.work.v1.FailureReason
-	(Outcome)(0),                // 2: metrofarm.work.v1.Outcome
-	(*RegisterRequest)(nil),     // 3: metrofarm.work.v1.RegisterRequest
-	(*RegisterResponse)(nil),    // 4: metrofarm.work.v1.RegisterResponse
-	(*LeaseRequest)(nil),        // 5: metrofarm.work.v1.LeaseRequest
-	(*LeaseResponse)(nil),       // 6: metrofarm.work.v1.LeaseResponse
-	(*LeaseProgress)(nil),       // 7: metrofarm.work.v1.LeaseProgress
-	(*HeartbeatRequest)(nil),    // 8: metrofarm.work.v1.HeartbeatRequest
-	(*LeaseDirective)(nil),      // 9: metrofarm.work.v1.LeaseDirective
-	(*HeartbeatResponse)(nil),   // 10: metrofarm.work.v1.HeartbeatResponse
-	(*FetchBundleRequest)(nil),  // 11: metrofarm.work.v1.FetchBundleRequest
-	(*FetchBundleResponse)(nil), // 12: metrofarm.work.v1.FetchBundleResponse
-	(*BootstrapResult)(nil),     // 13: metrofarm.work.v1.BootstrapResult
-	(*TaskFailure)(nil),         // 14: metrofarm.work.v1.TaskFailure
-	(*ReportRequest)(nil),       // 15: metrofarm.work.v1.ReportRequest
-	(*ReportResponse)(nil),      // 16: metrofarm.work.v1.ReportResponse
-	(*DeliverRequest)(nil),      // 17: metrofarm.work.v1.DeliverRequest
-	(*DeliverHeader)(nil),       // 18: metrofarm.work.v1.DeliverHeader
-	(*DeliverTiles)(nil),        // 19: metrofarm.work.v1.DeliverTiles
-	(*DeliverResponse)(nil),     // 20: metrofarm.work.v1.DeliverResponse
-	(*Task)(nil),                // 21: metrofarm.work.v1.Task
-	(*LeaseRef)(nil),            // 22: metrofarm.work.v1.LeaseRef
+var file_metrofarm_farm_v1_farm_service_proto_enumTypes = make([]protoimpl.EnumInfo, 3)
+var file_metrofarm_farm_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 18)
+var file_metrofarm_farm_v1_farm_service_proto_goTypes = []any{
+	(Directive)(0),              // 0: metrofarm.farm.v1.Directive
+	(FailureReason)(0),          // 1: metrofarm.farm.v1.FailureReason
+	(Outcome)(0),                // 2: metrofarm.farm.v1.Outcome
+	(*RegisterRequest)(nil),     // 3: metrofarm.farm.v1.RegisterRequest
+	(*RegisterResponse)(nil),    // 4: metrofarm.farm.v1.RegisterResponse
+	(*LeaseRequest)(nil),        // 5: metrofarm.farm.v1.LeaseRequest
+	(*LeaseResponse)(nil),       // 6: metrofarm.farm.v1.LeaseResponse
+	(*LeaseProgress)(nil),       // 7: metrofarm.farm.v1.LeaseProgress
+	(*HeartbeatRequest)(nil),    // 8: metrofarm.farm.v1.HeartbeatRequest
+	(*LeaseDirective)(nil),      // 9: metrofarm.farm.v1.LeaseDirective
+	(*HeartbeatResponse)(nil),   // 10: metrofarm.farm.v1.HeartbeatResponse
+	(*FetchBundleRequest)(nil),  // 11: metrofarm.farm.v1.FetchBundleRequest
+	(*FetchBundleResponse)(nil), // 12: metrofarm.farm.v1.FetchBundleResponse
+	(*BootstrapResult)(nil),     // 13: metrofarm.farm.v1.BootstrapResult
+	(*TaskFailure)(nil),         // 14: metrofarm.farm.v1.TaskFailure
+	(*ReportRequest)(nil),       // 15: metrofarm.farm.v1.ReportRequest
+	(*ReportResponse)(nil),      // 16: metrofarm.farm.v1.ReportResponse
+	(*DeliverRequest)(nil),      // 17: metrofarm.farm.v1.DeliverRequest
+	(*DeliverHeader)(nil),       // 18: metrofarm.farm.v1.DeliverHeader
+	(*DeliverTiles)(nil),        // 19: metrofarm.farm.v1.DeliverTiles
+	(*DeliverResponse)(nil),     // 20: metrofarm.farm.v1.DeliverResponse
+	(*Task)(nil),                // 21: metrofarm.farm.v1.Task
+	(*LeaseRef)(nil),            // 22: metrofarm.farm.v1.LeaseRef
 	(*v1.BundleManifest)(nil),   // 23: metrofarm.scene.v1.BundleManifest
-	(*Anomaly)(nil),             // 24: metrofarm.work.v1.Anomaly
+	(*Anomaly)(nil),             // 24: metrofarm.farm.v1.Anomaly
 	(*v1.SceneReport)(nil),      // 25: metrofarm.scene.v1.SceneReport
-	(*BatchHeader)(nil),         // 26: metrofarm.work.v1.BatchHeader
-	(*Tile)(nil),                // 27: metrofarm.work.v1.Tile
+	(*BatchHeader)(nil),         // 26: metrofarm.farm.v1.BatchHeader
+	(*Tile)(nil),                // 27: metrofarm.farm.v1.Tile
 }
-var file_metrofarm_work_v1_farm_service_proto_depIdxs = []int32{
-	21, // 0: metrofarm.work.v1.LeaseResponse.tasks:type_name -> metrofarm.work.v1.Task
-	22, // 1: metrofarm.work.v1.LeaseProgress.lease:type_name -> metrofarm.work.v1.LeaseRef
-	7,  // 2: metrofarm.work.v1.HeartbeatRequest.leases:type_name -> metrofarm.work.v1.LeaseProgress
-	22, // 3: metrofarm.work.v1.LeaseDirective.lease:type_name -> metrofarm.work.v1.LeaseRef
-	0,  // 4: metrofarm.work.v1.LeaseDirective.directive:type_name -> metrofarm.work.v1.Directive
-	9,  // 5: metrofarm.work.v1.HeartbeatResponse.directives:type_name -> metrofarm.work.v1.LeaseDirective
-	23, // 6: metrofarm.work.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
-	24, // 7: metrofarm.work.v1.BootstrapResult.anomalies:type_name -> metrofarm.work.v1.Anomaly
-	1,  // 8: metrofarm.work.v1.TaskFailure.reason:type_name -> metrofarm.work.v1.FailureReason
-	22, // 9: metrofarm.work.v1.ReportRequest.lease:type_name -> metrofarm.work.v1.LeaseRef
-	25, // 10: metrofarm.work.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
-	13, // 11: metrofarm.work.v1.ReportRequest.bootstrap:type_name -> metrofarm.work.v1.BootstrapResult
-	14, // 12: metrofarm.work.v1.ReportRequest.failure:type_name -> metrofarm.work.v1.TaskFailure
-	2,  // 13: metrofarm.work.v1.ReportResponse.outcome:type_name -> metrofarm.work.v1.Outcome
-	18, // 14: metrofarm.work.v1.DeliverRequest.header:type_name -> metrofarm.work.v1.DeliverHeader
-	19, // 15: metrofarm.work.v1.DeliverRequest.tiles:type_name -> metrofarm.work.v1.DeliverTiles
-	26, // 16: metrofarm.work.v1.DeliverHeader.batch:type_name -> metrofarm.work.v1.BatchHeader
-	27, // 17: metrofarm.work.v1.DeliverTiles.tiles:type_name -> metrofarm.work.v1.Tile
-	2,  // 18: metrofarm.work.v1.DeliverResponse.outcome:type_name -> metrofarm.work.v1.Outcome
-	3,  // 19: metrofarm.work.v1.FarmService.Register:input_type -> metrofarm.work.v1.RegisterRequest
-	5,  // 20: metrofarm.work.v1.FarmService.Lease:input_type -> metrofarm.work.v1.LeaseRequest
-	8,  // 21: metrofarm.work.v1.FarmService.Heartbeat:input_type -> metrofarm.work.v1.HeartbeatRequest
-	11, // 22: metrofarm.work.v1.FarmService.FetchBundle:input_type -> metrofarm.work.v1.FetchBundleRequest
-	15, // 23: metrofarm.work.v1.FarmService.Report:input_type -> metrofarm.work.v1.ReportRequest
-	17, // 24: metrofarm.work.v1.FarmService.Deliver:input_type -> metrofarm.work.v1.DeliverRequest
-	4,  // 25: metrofarm.work.v1.FarmService.Register:output_type -> metrofarm.work.v1.RegisterResponse
-	6,  // 26: metrofarm.work.v1.FarmService.Lease:output_type -> metrofarm.work.v1.LeaseResponse
-	10, // 27: metrofarm.work.v1.FarmService.Heartbeat:output_type -> metrofarm.work.v1.HeartbeatResponse
-	12, // 28: metrofarm.work.v1.FarmService.FetchBundle:output_type -> metrofarm.work.v1.FetchBundleResponse
-	16, // 29: metrofarm.work.v1.FarmService.Report:output_type -> metrofarm.work.v1.ReportResponse
-	20, // 30: metrofarm.work.v1.FarmService.Deliver:output_type -> metrofarm.work.v1.DeliverResponse
+var file_metrofarm_farm_v1_farm_service_proto_depIdxs = []int32{
+	21, // 0: metrofarm.farm.v1.LeaseResponse.tasks:type_name -> metrofarm.farm.v1.Task
+	22, // 1: metrofarm.farm.v1.LeaseProgress.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	7,  // 2: metrofarm.farm.v1.HeartbeatRequest.leases:type_name -> metrofarm.farm.v1.LeaseProgress
+	22, // 3: metrofarm.farm.v1.LeaseDirective.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	0,  // 4: metrofarm.farm.v1.LeaseDirective.directive:type_name -> metrofarm.farm.v1.Directive
+	9,  // 5: metrofarm.farm.v1.HeartbeatResponse.directives:type_name -> metrofarm.farm.v1.LeaseDirective
+	23, // 6: metrofarm.farm.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
+	24, // 7: metrofarm.farm.v1.BootstrapResult.anomalies:type_name -> metrofarm.farm.v1.Anomaly
+	1,  // 8: metrofarm.farm.v1.TaskFailure.reason:type_name -> metrofarm.farm.v1.FailureReason
+	22, // 9: metrofarm.farm.v1.ReportRequest.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	25, // 10: metrofarm.farm.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
+	13, // 11: metrofarm.farm.v1.ReportRequest.bootstrap:type_name -> metrofarm.farm.v1.BootstrapResult
+	14, // 12: metrofarm.farm.v1.ReportRequest.failure:type_name -> metrofarm.farm.v1.TaskFailure
+	2,  // 13: metrofarm.farm.v1.ReportResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
+	18, // 14: metrofarm.farm.v1.DeliverRequest.header:type_name -> metrofarm.farm.v1.DeliverHeader
+	19, // 15: metrofarm.farm.v1.DeliverRequest.tiles:type_name -> metrofarm.farm.v1.DeliverTiles
+	26, // 16: metrofarm.farm.v1.DeliverHeader.batch:type_name -> metrofarm.farm.v1.BatchHeader
+	27, // 17: metrofarm.farm.v1.DeliverTiles.tiles:type_name -> metrofarm.farm.v1.Tile
+	2,  // 18: metrofarm.farm.v1.DeliverResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
+	3,  // 19: metrofarm.farm.v1.FarmService.Register:input_type -> metrofarm.farm.v1.RegisterRequest
+	5,  // 20: metrofarm.farm.v1.FarmService.Lease:input_type -> metrofarm.farm.v1.LeaseRequest
+	8,  // 21: metrofarm.farm.v1.FarmService.Heartbeat:input_type -> metrofarm.farm.v1.HeartbeatRequest
+	11, // 22: metrofarm.farm.v1.FarmService.FetchBundle:input_type -> metrofarm.farm.v1.FetchBundleRequest
+	15, // 23: metrofarm.farm.v1.FarmService.Report:input_type -> metrofarm.farm.v1.ReportRequest
+	17, // 24: metrofarm.farm.v1.FarmService.Deliver:input_type -> metrofarm.farm.v1.DeliverRequest
+	4,  // 25: metrofarm.farm.v1.FarmService.Register:output_type -> metrofarm.farm.v1.RegisterResponse
+	6,  // 26: metrofarm.farm.v1.FarmService.Lease:output_type -> metrofarm.farm.v1.LeaseResponse
+	10, // 27: metrofarm.farm.v1.FarmService.Heartbeat:output_type -> metrofarm.farm.v1.HeartbeatResponse
+	12, // 28: metrofarm.farm.v1.FarmService.FetchBundle:output_type -> metrofarm.farm.v1.FetchBundleResponse
+	16, // 29: metrofarm.farm.v1.FarmService.Report:output_type -> metrofarm.farm.v1.ReportResponse
+	20, // 30: metrofarm.farm.v1.FarmService.Deliver:output_type -> metrofarm.farm.v1.DeliverResponse
 	25, // [25:31] is the sub-list for method output_type
 	19, // [19:25] is the sub-list for method input_type
 	19, // [19:19] is the sub-list for extension type_name
@@ -1580,22 +1580,22 @@ var file_metrofarm_work_v1_farm_service_proto_depIdxs = []int32{
 	0,  // [0:19] is the sub-list for field type_name
 }
 
-func init() { file_metrofarm_work_v1_farm_service_proto_init() }
-func file_metrofarm_work_v1_farm_service_proto_init() {
-	if File_metrofarm_work_v1_farm_service_proto != nil {
+func init() { file_metrofarm_farm_v1_farm_service_proto_init() }
+func file_metrofarm_farm_v1_farm_service_proto_init() {
+	if File_metrofarm_farm_v1_farm_service_proto != nil {
 		return
 	}
-	file_metrofarm_work_v1_task_proto_init()
-	file_metrofarm_work_v1_farm_service_proto_msgTypes[9].OneofWrappers = []any{
+	file_metrofarm_farm_v1_task_proto_init()
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[9].OneofWrappers = []any{
 		(*FetchBundleResponse_Manifest)(nil),
 		(*FetchBundleResponse_Data)(nil),
 	}
-	file_metrofarm_work_v1_farm_service_proto_msgTypes[12].OneofWrappers = []any{
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[12].OneofWrappers = []any{
 		(*ReportRequest_Scene)(nil),
 		(*ReportRequest_Bootstrap)(nil),
 		(*ReportRequest_Failure)(nil),
 	}
-	file_metrofarm_work_v1_farm_service_proto_msgTypes[14].OneofWrappers = []any{
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[14].OneofWrappers = []any{
 		(*DeliverRequest_Header)(nil),
 		(*DeliverRequest_Tiles)(nil),
 	}
@@ -1603,18 +1603,18 @@ func file_metrofarm_work_v1_farm_service_proto_init() {
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
-			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_work_v1_farm_service_proto_rawDesc), len(file_metrofarm_work_v1_farm_service_proto_rawDesc)),
+			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_farm_service_proto_rawDesc), len(file_metrofarm_farm_v1_farm_service_proto_rawDesc)),
 			NumEnums:      3,
 			NumMessages:   18,
 			NumExtensions: 0,
 			NumServices:   1,
 		},
-		GoTypes:           file_metrofarm_work_v1_farm_service_proto_goTypes,
-		DependencyIndexes: file_metrofarm_work_v1_farm_service_proto_depIdxs,
-		EnumInfos:         file_metrofarm_work_v1_farm_service_proto_enumTypes,
-		MessageInfos:      file_metrofarm_work_v1_farm_service_proto_msgTypes,
+		GoTypes:           file_metrofarm_farm_v1_farm_service_proto_goTypes,
+		DependencyIndexes: file_metrofarm_farm_v1_farm_service_proto_depIdxs,
+		EnumInfos:         file_metrofarm_farm_v1_farm_service_proto_enumTypes,
+		MessageInfos:      file_metrofarm_farm_v1_farm_service_proto_msgTypes,
 	}.Build()
-	File_metrofarm_work_v1_farm_service_proto = out.File
-	file_metrofarm_work_v1_farm_service_proto_goTypes = nil
-	file_metrofarm_work_v1_farm_service_proto_depIdxs = nil
+	File_metrofarm_farm_v1_farm_service_proto = out.File
+	file_metrofarm_farm_v1_farm_service_proto_goTypes = nil
+	file_metrofarm_farm_v1_farm_service_proto_depIdxs = nil
 }

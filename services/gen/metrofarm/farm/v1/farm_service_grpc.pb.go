@@ -4,9 +4,9 @@
 // versions:
 // - protoc-gen-go-grpc v1.6.2
 // - protoc             v3.21.12
-// source: metrofarm/work/v1/farm_service.proto
+// source: metrofarm/farm/v1/farm_service.proto
 
-package workv1
+package farmv1
 
 import (
 	context "context"
@@ -21,12 +21,12 @@ import (
 const _ = grpc.SupportPackageIsVersion9
 
 const (
-	FarmService_Register_FullMethodName    = "/metrofarm.work.v1.FarmService/Register"
-	FarmService_Lease_FullMethodName       = "/metrofarm.work.v1.FarmService/Lease"
-	FarmService_Heartbeat_FullMethodName   = "/metrofarm.work.v1.FarmService/Heartbeat"
-	FarmService_FetchBundle_FullMethodName = "/metrofarm.work.v1.FarmService/FetchBundle"
-	FarmService_Report_FullMethodName      = "/metrofarm.work.v1.FarmService/Report"
-	FarmService_Deliver_FullMethodName     = "/metrofarm.work.v1.FarmService/Deliver"
+	FarmService_Register_FullMethodName    = "/metrofarm.farm.v1.FarmService/Register"
+	FarmService_Lease_FullMethodName       = "/metrofarm.farm.v1.FarmService/Lease"
+	FarmService_Heartbeat_FullMethodName   = "/metrofarm.farm.v1.FarmService/Heartbeat"
+	FarmService_FetchBundle_FullMethodName = "/metrofarm.farm.v1.FarmService/FetchBundle"
+	FarmService_Report_FullMethodName      = "/metrofarm.farm.v1.FarmService/Report"
+	FarmService_Deliver_FullMethodName     = "/metrofarm.farm.v1.FarmService/Deliver"
 )
 
 // FarmServiceClient is the client API for FarmService service.
@@ -302,7 +302,7 @@ type FarmService_DeliverServer = grpc.ClientStreamingServer[DeliverRequest, Deli
 // It's only intended for direct use with grpc.RegisterService,
 // and not to be introspected or modified (even as a copy)
 var FarmService_ServiceDesc = grpc.ServiceDesc{
-	ServiceName: "metrofarm.work.v1.FarmService",
+	ServiceName: "metrofarm.farm.v1.FarmService",
 	HandlerType: (*FarmServiceServer)(nil),
 	Methods: []grpc.MethodDesc{
 		{
@@ -334,5 +334,5 @@ var FarmService_ServiceDesc = grpc.ServiceDesc{
 			ClientStreams: true,
 		},
 	},
-	Metadata: "metrofarm/work/v1/farm_service.proto",
+	Metadata: "metrofarm/farm/v1/farm_service.proto",
 }
