@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures bin/metrofarm beside Mitsuba 3 in one run (`make bench`).
 
-usage: bench.py [--repetitions N] [--out DIR]
+usage: bench.py [--repetitions N] [--scenes NAME,...] [--out DIR]
 
 - Plain path tracing in samples per CPU second of the render loop, on scenes both can read:
   Metrofarm, Mitsuba scalar_rgb and llvm_ad_rgb, same size, same depth.
@@ -123,12 +123,12 @@ MEASURES: dict[str, Callable[[Scene], float]] = {
 }
 
 
-def measure(repetitions: int) -> dict[str, dict[str, list[float]]]:
+def measure(scenes: list[Scene], repetitions: int) -> dict[str, dict[str, list[float]]]:
     figures: dict[str, dict[str, list[float]]] = {
-        scene.name: {name: [] for name in MEASURES} for scene in BENCH_SCENES
+        scene.name: {name: [] for name in MEASURES} for scene in scenes
     }
     for repetition in range(repetitions):
-        for scene in BENCH_SCENES:
+        for scene in scenes:
             for name, take in MEASURES.items():
                 figures[scene.name][name].append(take(scene))
             print(f"repetition {repetition + 1}/{repetitions}: {scene.name}", file=sys.stderr)
@@ -170,8 +170,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Metrofarm beside Mitsuba 3")
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "bench")
+    parser.add_argument("--scenes", default=",".join(scene.name for scene in BENCH_SCENES))
     arguments = parser.parse_args()
-    figures = measure(arguments.repetitions)
+    chosen = arguments.scenes.split(",")
+    scenes = [scene for scene in BENCH_SCENES if scene.name in chosen]
+    if len(scenes) != len(chosen):
+        parser.error(f"--scenes: choose from {', '.join(scene.name for scene in BENCH_SCENES)}")
+    figures = measure(scenes, arguments.repetitions)
     text = table(figures, arguments.repetitions)
     arguments.out.mkdir(parents=True, exist_ok=True)
     (arguments.out / "bench.md").write_text(text)
