@@ -1399,7 +1399,7 @@ var File_metrofarm_farm_v1_farm_service_proto protoreflect.FileDescriptor
 
 const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\n" +
-	"$metrofarm/farm/v1/farm_service.proto\x12\x11metrofarm.farm.v1\x1a\x1emetrofarm/scene/v1/scene.proto\x1a\x1cmetrofarm/farm/v1/task.proto\"u\n" +
+	"$metrofarm/farm/v1/farm_service.proto\x12\x11metrofarm.farm.v1\x1a\x1cmetrofarm/farm/v1/task.proto\x1a\x1emetrofarm/scene/v1/scene.proto\"u\n" +
 	"\x0fRegisterRequest\x12\x12\n" +
 	"\x04name\x18\x01 \x01(\tR\x04name\x12\x18\n" +
 	"\aversion\x18\x02 \x01(\tR\aversion\x12\x18\n" +
