@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "metropolis/target.h"
-#include "primary_space/sample_source.h"
+#include "primary_space/stratified_source.h"
 
 namespace metrofarm::burn_in {
 
@@ -12,12 +12,15 @@ namespace metrofarm::burn_in {
 // eight always travel together, so that a sample's value does not depend on who asks for it.
 class Bootstrap {
  public:
-  Bootstrap(uint64_t job_seed, metropolis::Target& target)
-      : source_(rng_key(job_seed, RngDomain::kBootstrap)), target_(target) {}
+  // samples: size of the whole bootstrap, an even multiple of kLanes.
+  Bootstrap(uint64_t job_seed, uint64_t samples, metropolis::Target& target)
+      : source_(rng_key(job_seed, RngDomain::kBootstrap)), half_(samples / 2), target_(target) {}
 
   // f of each sample; their payloads are the target's proposals until the next evaluation.
   Float evaluate(uint64_t first) {
-    source_.begin(first);
+    // A sequence for each half: the halves stay independent, as the error estimate takes them to
+    // be.
+    source_.begin_points(first, first / half_, static_cast<uint32_t>(first % half_));
     return target_.evaluate(source_);
   }
 
@@ -25,7 +28,8 @@ class Bootstrap {
   std::vector<primary_space::StoredPair> pairs(int lane) const { return source_.read_pairs(lane); }
 
  private:
-  primary_space::IndependentSource source_;
+  primary_space::StratifiedSource source_;
+  uint64_t half_;
   metropolis::Target& target_;
 };
 

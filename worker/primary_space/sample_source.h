@@ -38,7 +38,7 @@ class SampleSource {
 };
 
 // Independent uniform samples: lane i is the sample number index[i] of a stream.
-class IndependentSource final : public SampleSource {
+class IndependentSource : public SampleSource {
  public:
   explicit IndependentSource(RngKey key) : key_(key), read_(kSlotCount) {}
 
@@ -48,9 +48,14 @@ class IndependentSource final : public SampleSource {
   Pair pair(Slot slot, Mask lanes) override;
   std::vector<StoredPair> read_pairs(int lane) const override;
 
- private:
-  FixedPair fixed_pair(Slot slot) const;
+ protected:
+  virtual FixedPair fixed_pair(Slot slot) const;
+  // The words of a counter that is this sample's own.
+  RngWords random_words(uint32_t counter, UInt id_low, UInt id_high, uint32_t purpose) const {
+    return philox(key_, {UInt(counter), id_low, id_high, UInt(purpose)});
+  }
 
+ private:
   RngKey key_;
   UInt index_low_ = UInt(0U);
   UInt index_high_ = UInt(0U);

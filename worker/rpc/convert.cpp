@@ -80,6 +80,7 @@ Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescrip
   spec.width = static_cast<int>(std::min(s.width(), 1U << 20));
   spec.height = static_cast<int>(std::min(s.height(), 1U << 20));
   spec.seed = s.seed();
+  spec.bootstrap_samples = s.bootstrap_samples();
   // Not known yet while the bootstrap runs, which does not need it.
   spec.unit = s.unit() == 0 ? 1 : s.unit();
   spec.blocks_per_segment = std::max(1U, s.blocks_per_segment());

@@ -9,7 +9,7 @@ using metropolis::ChainPack;
 
 BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count) {
   RenderTarget target(context);
-  burn_in::Bootstrap bootstrap(context.spec().seed, target);
+  burn_in::Bootstrap bootstrap(context.spec().seed, context.spec().bootstrap_samples, target);
   BootstrapOutput out;
   out.values.resize(count);
   for (uint32_t i = 0; i < count; i += kLanes)
@@ -33,7 +33,7 @@ Result<GroupState> start_chains(const Context& context, const ChainSeeds& seeds)
   if (seeds.indices.size() != kGroupSize || seeds.values.size() != kGroupSize)
     return Error{"a chain group needs " + std::to_string(kGroupSize) + " seeds"};
   RenderTarget target(context);
-  burn_in::Bootstrap bootstrap(context.spec().seed, target);
+  burn_in::Bootstrap bootstrap(context.spec().seed, context.spec().bootstrap_samples, target);
   GroupState state;
   for (int chain = 0; chain < kGroupSize; ++chain) {
     const uint64_t index = seeds.indices[chain];

@@ -23,6 +23,7 @@ struct Spec {
   int width = 0;
   int height = 0;
   uint64_t seed = 0;
+  uint64_t bootstrap_samples = 65536;  // both halves together
   metropolis::Kernel kernel;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
@@ -30,6 +31,7 @@ struct Spec {
 
 // Chains, or path samples, that are run side by side and handed out together.
 inline constexpr int kGroupSize = 64;
+inline constexpr uint64_t kLargestBootstrap = uint64_t{1} << 32;
 inline constexpr int kPacksPerGroup = kGroupSize / kLanes;
 
 // What is wrong with a spec, empty if nothing is.

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "math/rng.h"
-#include "primary_space/sample_source.h"
+#include "primary_space/stratified_source.h"
 #include "work_unit/units.h"
 
 namespace metrofarm::work_unit {
@@ -46,7 +46,10 @@ class PathRun {
     if (first_cell >= context_.cells()) return;
     const auto left = static_cast<int>(std::min<uint64_t>(kLanes, context_.cells() - first_cell));
     const uint64_t number = k * context_.cells() + first_cell;
-    source_.begin(number);
+    // A sequence for each pixel and half: the halves stay independent, as the error estimate takes
+    // them to be.
+    const uint64_t sequence = k % film::kHalves * context_.cells() + first_cell;
+    source_.begin_sequences(number, sequence, static_cast<uint32_t>(k / film::kHalves));
     const transport::Contribution c =
         tracer_.trace(source_, context_.cell_windows(first_cell), first_lanes(left));
     for (const diagnostics::Incident& incident : tracer_.incidents()) log(incident);
@@ -82,7 +85,7 @@ class PathRun {
 
   const Context& context_;
   transport::PathTracer tracer_;
-  primary_space::IndependentSource source_;
+  primary_space::StratifiedSource source_;
   film::Splatter splatter_;
   film::Destination destination_;
   diagnostics::AnomalyLog anomalies_;

@@ -18,6 +18,7 @@ ResolvedSpec good_spec() {
   s.set_width(320);
   s.set_height(200);
   s.set_seed(99);
+  s.set_bootstrap_samples(8192);
   s.set_group_size(64);
   s.mutable_kernel()->set_kind(job::v1::KERNEL_KIND_GAUSSIAN);
   s.mutable_kernel()->set_sigma(0.02);
@@ -50,6 +51,7 @@ TEST(ToSpec, TakesEveryField) {
   EXPECT_EQ(s.width, 320);
   EXPECT_EQ(s.height, 200);
   EXPECT_EQ(s.seed, 99U);
+  EXPECT_EQ(s.bootstrap_samples, 8192U);
   EXPECT_EQ(s.kernel.kind, metropolis::KernelKind::kGaussian);
   EXPECT_EQ(s.kernel.sigma, 0.02);
   EXPECT_EQ(s.kernel.large_step_probability, 0.25);
@@ -64,6 +66,9 @@ TEST(ToSpec, NamesWhatItCannotServe) {
             std::string::npos);
   EXPECT_NE(
       error_after([](ResolvedSpec& s) { s.mutable_kernel()->clear_kind(); }).find("kernel.kind"),
+      std::string::npos);
+  EXPECT_NE(
+      error_after([](ResolvedSpec& s) { s.set_bootstrap_samples(96); }).find("bootstrap_samples"),
       std::string::npos);
   EXPECT_NE(error_after([](ResolvedSpec& s) { s.set_group_size(32); }).find("group_size"),
             std::string::npos);
