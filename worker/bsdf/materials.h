@@ -1,46 +1,60 @@
-// All materials of a scene: finds the lobe that a surface shows to a ray and sends each lane to its
-// model. Only models that some lane needs are run.
+// All materials of a scene: finds the lobe that a surface shows to a ray, resolves its parameters
+// and sends each lane to its model. Only models that some lane needs are run.
+//
+// A material is a small graph: wrappers (two-sided, mask, blend, bump and normal maps) around models
+// that scatter. show() walks it once per vertex and ends at one model per lane. Mixtures are chosen
+// at random, mask and blend alike, by a coordinate of the vertex: everything that is evaluated at
+// the vertex afterwards is that component alone, which is unbiased because the choice looks at
+// nothing but the vertex.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "bsdf/lobes.h"
+#include "geometry/surface.h"
 #include "scene/description.h"
+#include "texture/textures.h"
 
 namespace metrofarm::bsdf {
 
-// What a ray meets: which model with which parameters, and how to turn the frame for it.
+// What a ray meets at a vertex.
 struct ShownLobe {
   Int kind = Int(-1);        // LobeKind, -1: black
-  Int row = Int(0);          // row in the parameter table
   Mask turned = no_lanes();  // the material treats this back side like a front
+  Mask bent = no_lanes();    // lanes whose normal a map has changed
+  Frame inner;               // in bent lanes: the model's frame, in coordinates of the shading frame
+  Parameters parameters;     // of each lane's model
+};
+
+// What the shown lobe depends on.
+struct ShadingPoint {
+  geometry::SurfacePoint point;
+  // In the (not yet turned) shading frame; only read where needs().tangents.
+  Vec3 dp_du, dp_dv;
+  Vec3 wo;
 };
 
 class Materials {
  public:
-  explicit Materials(const std::vector<scene::Bsdf>& bsdfs);
+  // textures: outlives this.
+  Materials(const std::vector<scene::Bsdf>& bsdfs, const texture::Textures& textures);
 
-  // The lobe of material `bsdf` seen from the side of the normal (front) or the other.
-  ShownLobe shown(Int bsdf, Mask front, Mask lanes) const;
-  Evaluation evaluate(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const Vec3& wi) const;
-  Sample sample(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const SampleInput& u) const;
+  // What must be known of a surface before show().
+  geometry::SurfaceNeeds needs() const;
+  // True if some material is a mixture, so that show() reads its choice.
+  bool wants_choice() const;
+
+  // The lobe of material `bsdf` at a point. choice: uniform in [0, 1).
+  ShownLobe show(Int bsdf, const ShadingPoint& at, Float choice, Mask lanes) const;
+
+  // wo and wi in the shading frame, turned where lobe.turned.
+  Evaluation evaluate(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const Vec3& wi,
+                      Transport transport) const;
+  Sample sample(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const SampleInput& u,
+                Transport transport) const;
   // Lanes whose lobe has a density, so that light sampling can reach them.
   Mask smooth(const ShownLobe& lobe, Mask lanes) const;
-  // True if some material needs the surface's tangent (anisotropic roughness).
-  bool wants_tangent() const { return wants_tangent_; }
-
- private:
-  struct Side {
-    int32_t kind = -1;
-    int32_t row = 0;
-  };
-  Side add_lobe(const scene::Bsdf& bsdf);
-
-  ParameterTable parameters_;
-  std::vector<int32_t> front_kind_, front_row_, back_kind_, back_row_, two_sided_;
-  uint32_t kinds_present_ = 0;
-  bool wants_tangent_ = false;
 };
 
 }  // namespace metrofarm::bsdf

@@ -24,6 +24,10 @@ struct Sample {
   Float eta = Float(1.F);              // index ratio passed through, 1 on reflection
 };
 
+// Which quantity travels along the path that is being built: radiance from the eye, importance from
+// a light. Refraction scales radiance by the squared index ratio (Veach 1997, section 5.2).
+enum class Transport { kRadiance, kImportance };
+
 // The primary sample of one scattering event.
 struct SampleInput {
   Float lobe;      // chooses among discrete lobes

@@ -6,18 +6,32 @@
 
 namespace metrofarm::geometry {
 
+// Where a surface is looked up in textures.
+struct SurfacePoint {
+  Vec2 uv;        // texture coordinates; barycentric (b1, b2) on meshes without any
+  Int primitive;  // for mesh attributes
+  Float b1, b2;   // barycentric coordinates on triangles
+};
+
+// What a caller needs beyond position and normals.
+struct SurfaceNeeds {
+  bool uv = false;        // fill Surface::point
+  bool tangents = false;  // fill Surface::dp_du and dp_dv
+};
+
 struct Surface {
   Vec3 position;
   Vec3 geometric_normal;  // unit; flipped where the shape says so
   Vec3 shading_normal;    // unit; interpolated where the mesh has vertex normals
-  Vec3 tangent;           // direction of increasing u, not normalized; filled where asked for
+  SurfacePoint point;     // filled where asked for
+  Vec3 dp_du, dp_dv;      // change of the position along u and v; filled where asked for
   Float offset;           // distance within which the surface itself may be hit again
   Int shape;
 };
 
 // Fills lanes where hits.hit; others are unspecified but finite-free to read.
 Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
-                   const Vec3& direction, bool wants_tangent);
+                   const Vec3& direction, SurfaceNeeds needs);
 
 // A point at barycentric coordinates (b1, b2) of a triangle.
 struct TrianglePoint {

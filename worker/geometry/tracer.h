@@ -18,6 +18,7 @@ struct RayHits {
   Float t;        // distance along the (not necessarily unit) direction
   Float u, v;     // barycentric coordinates b1, b2 on triangles
   Int primitive;  // valid where hit
+  Int instance;   // index into the description's instances, -1 outside groups; valid where hit
 };
 
 class Tracer {
