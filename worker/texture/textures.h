@@ -8,6 +8,7 @@
 #include "geometry/surface.h"
 #include "scene/description.h"
 #include "spectrum/rgb.h"
+#include "texture/images.h"
 
 namespace metrofarm::texture {
 
@@ -19,8 +20,9 @@ struct Gradient {
 // Immutable; thread-safe.
 class Textures {
  public:
-  // Images are moved out of the description; it must outlive nothing.
-  Textures(scene::SceneDescription& description, const geometry::Primitives& primitives);
+  // images and primitives: outlive this.
+  Textures(const std::vector<scene::Texture>& textures, const Images& images,
+           const geometry::Primitives& primitives);
 
   // `texture` indexes the description's textures and is valid in all of `lanes`; other lanes are 0.
   Spectrum colour(Int texture, const geometry::SurfacePoint& point, Mask lanes) const;
