@@ -1,0 +1,1 @@
+#include "image_io/read_image.h"

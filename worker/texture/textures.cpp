@@ -1,0 +1,1 @@
+#include "texture/textures.h"
