@@ -19,6 +19,7 @@ import (
 	"time"
 
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/check"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/store"
 )
@@ -40,6 +41,12 @@ type Options struct {
 	CheckpointMin, CheckpointMax time.Duration
 	// Deliveries is how many batches are unpacked at a time; more wait.
 	Deliveries int
+	// CheckOneIn is the reciprocal of the share of segments that are rendered twice where two workers
+	// exist, negative for none. The image does not depend on it.
+	CheckOneIn int
+	// CheckPatience is how long a batch is held for another worker to confirm it, or for a third to
+	// decide between two.
+	CheckPatience time.Duration
 }
 
 // Defaults: a lost worker's segments are leased again within 15 s (the time to live, one tick, and
@@ -51,6 +58,7 @@ const (
 	defaultCheckpointMin = 2 * time.Second
 	defaultCheckpointMax = 60 * time.Second
 	defaultDeliveries    = 8
+	defaultCheckPatience = 2 * time.Minute
 )
 
 func (o *Options) setDefaults() {
@@ -69,6 +77,8 @@ func (o *Options) setDefaults() {
 	setDefault(&o.CheckpointMin, defaultCheckpointMin)
 	setDefault(&o.CheckpointMax, defaultCheckpointMax)
 	setDefault(&o.Deliveries, defaultDeliveries)
+	setDefault(&o.CheckOneIn, check.OneIn)
+	setDefault(&o.CheckPatience, defaultCheckPatience)
 }
 
 func setDefault[T comparable](value *T, fallback T) {

@@ -8,7 +8,6 @@ import (
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
-	"metrofarm/services/internal/lease"
 	"metrofarm/services/internal/merge"
 	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/round"
@@ -123,51 +122,67 @@ func (d *Delivery) settle() {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
 	}
+	d.judge(batch)
+	if d.verdict.GetOutcome() == farmv1.Outcome_OUTCOME_COMMITTED {
+		d.c.metrics.mergeSeconds.Observe(time.Since(start).Seconds())
+	}
+}
+
+// judge requires: run.mu.
+func (d *Delivery) judge(batch *merge.Batch) {
+	r := d.run
+	if _, err := r.state.Judge(batch); err != nil {
+		d.reject(err.Error())
+		return
+	}
+	if r.distrusts(d.worker.id) {
+		d.supersede("nothing is taken from this worker, see the job's events")
+		return
+	}
+	if complaint := r.hear(d.worker, batch); complaint != "" {
+		d.conflict(complaint)
+		return
+	}
+	// Only now: what was heard may have merged held batches.
 	verdict, err := r.state.Judge(batch)
 	switch {
 	case err != nil:
 		d.reject(err.Error())
-	case verdict == round.Fresh:
-		d.commit(batch)
-		d.c.metrics.mergeSeconds.Observe(time.Since(start).Seconds())
 	case verdict == round.Duplicate:
 		d.decide(farmv1.Outcome_OUTCOME_DUPLICATE, "")
 	case verdict == round.Conflict:
 		d.conflict("a segment was counted with another digest")
+	case verdict == round.Superseded || batch.Round > r.lastRound() || r.checks.overlaps(batch):
+		d.supersede("part of it was delivered before, or its round is not wanted")
+	case r.checks.disputes(d.worker.id):
+		d.supersede("another worker contradicts this one")
 	default:
-		d.release()
-		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "part of it was counted before, or its round is not wanted")
+		d.accept(batch)
 	}
 }
 
-// commit requires: run.mu.
-func (d *Delivery) commit(batch *merge.Batch) {
+// accept counts a batch, or holds it until another worker has confirmed what is to be checked of
+// it. Requires: run.mu; nothing of it was counted.
+func (d *Delivery) accept(batch *merge.Batch) {
 	r := d.run
-	if batch.Round > r.lastRound() {
-		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the round is not wanted any more")
-		return
+	selected := r.toCheck(d.worker, batch)
+	switch {
+	case len(selected) == 0:
+		r.count(batch, d.worker.id)
+		d.decide(farmv1.Outcome_OUTCOME_COMMITTED, "")
+	case r.hold(d.worker, batch, selected):
+		d.decide(farmv1.Outcome_OUTCOME_COMMITTED, "kept until another worker has rendered a part of it too")
+	default:
+		d.supersede("too many batches wait for another worker to render a part of them")
 	}
-	r.state.Commit(batch)
-	var mutations uint64
-	for _, s := range batch.Segments {
-		mutations += s.Counts.Mutations
-		d.c.metrics.rays.Add(float64(s.Counts.Rays))
-		// Close by segment, not by the reported lease: whoever holds the task, it is done.
-		r.closeTask(segmentTask(r.id, batch.Round, s.Segment))
-		if batch.Round == r.state.Closed {
-			r.openSegment(batch.Round+1, s.Segment)
-		}
+}
+
+// supersede requires: run.mu.
+func (d *Delivery) supersede(message string) {
+	for _, s := range d.header.GetSegments() {
+		d.run.table.Release(ref(s.GetLease()), d.worker.id)
 	}
-	r.reportAnomalies(batch.Anomalies)
-	r.dirty = true
-	now := d.c.options.Now()
-	r.meter.add(mutations, now)
-	d.c.credit(d.worker.id, mutations)
-	d.c.metrics.mutations.Add(float64(mutations))
-	if r.state.Complete() {
-		d.c.wake()
-	}
-	d.decide(farmv1.Outcome_OUTCOME_COMMITTED, "")
+	d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, message)
 }
 
 // conflict requires: run.mu.
@@ -192,13 +207,6 @@ func (d *Delivery) blame(message string) {
 			return
 		}
 		d.run.blame(s.GetLease(), d.worker, message)
-	}
-}
-
-// release gives the batch's leases back without blame. Requires: run.mu.
-func (d *Delivery) release() {
-	for _, s := range d.header.GetSegments() {
-		d.run.table.Release(lease.Ref{Task: s.GetLease().GetTaskId(), Epoch: s.GetLease().GetEpoch()}, d.worker.id)
 	}
 }
 

@@ -119,14 +119,14 @@ func (c *Coordinator) tryLease(in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, 
 func (r *run) lease(w worker, limit int) []*farmv1.Task {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || !r.accepts(w) {
+	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || r.distrusts(w.id) || !r.accepts(w) {
 		return nil
 	}
 	r.expire()
 	if r.rec.State.Ended() {
 		return nil
 	}
-	refs := r.table.Grant(w.id, limit, r.c.liveWorkers(w.version) <= 1, r.c.options.Now())
+	refs := r.grant(w, limit)
 	if len(refs) == 0 {
 		return nil
 	}
@@ -138,6 +138,16 @@ func (r *run) lease(w worker, limit int) []*farmv1.Task {
 		r.pin(w.version)
 	}
 	return r.buildTasks(refs, w)
+}
+
+// grant leases tasks; one that is in dispute with another gets only what may decide other disputes,
+// else workers in dispute could wait for each other. Requires: mu.
+func (r *run) grant(w worker, limit int) []lease.Ref {
+	now := r.c.options.Now()
+	if r.checks.disputes(w.id) {
+		return r.table.GrantApart(w.id, limit, now)
+	}
+	return r.table.Grant(w.id, limit, r.c.liveWorkers(w.version) <= 1, now)
 }
 
 // accepts tells whether the worker's version may render this job. Requires: mu.

@@ -183,6 +183,33 @@ func (s *site) crew(workers ...*fakeworker.Worker) (dismiss func()) {
 	return dismiss
 }
 
+// bystander is a worker that sends heartbeats but takes no work, until it vanishes.
+func (s *site) bystander() (vanish func()) {
+	s.t.Helper()
+	c := s.c
+	registered, err := c.Register(context.Background(), &farmv1.RegisterRequest{
+		Name: "bystander", Version: testVersion, Threads: 1, Instance: strings.Repeat("b", 32),
+	})
+	s.check(err)
+	ctx, cancel := context.WithCancel(context.Background())
+	var beating sync.WaitGroup
+	beating.Go(func() {
+		for ctx.Err() == nil {
+			_, _ = c.Heartbeat(ctx, &farmv1.HeartbeatRequest{WorkerId: registered.GetWorkerId()})
+			time.Sleep(testTTL / 10)
+		}
+	})
+	return func() { cancel(); beating.Wait() }
+}
+
+// awaitHeld waits until the job waits for a second worker.
+func (s *site) awaitHeld(id string) {
+	s.t.Helper()
+	s.await(id, "waiting for a second worker", func(j job.Snapshot) bool {
+		return strings.Contains(j.Activity, "second worker")
+	})
+}
+
 func workers(n int, change func(*fakeworker.Worker)) []*fakeworker.Worker {
 	crew := make([]*fakeworker.Worker, n)
 	for i := range crew {

@@ -3,6 +3,7 @@ package coordinator
 import (
 	"fmt"
 	"io"
+	"maps"
 	"time"
 
 	"metrofarm/services/internal/checkpoint"
@@ -22,7 +23,7 @@ func (c *Coordinator) housekeep() {
 		if r.checkpointDue(false) {
 			r.checkpoint()
 		}
-		r.release()
+		r.unload()
 	}
 	c.forgetWorkers()
 }
@@ -35,6 +36,7 @@ func (r *run) tick() {
 		return
 	}
 	r.expire()
+	r.reviewHeld()
 	limit := r.rec.Request.Stop.TimeSeconds
 	if r.rec.State == job.Rendering && limit > 0 && r.wallSeconds() >= limit {
 		r.decideLast(round.StopTime)
@@ -104,6 +106,7 @@ func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	folded.Points = append(folded.Points, point)
 	r.state.Adopt(folded)
 	r.dirty = true
+	maps.DeleteFunc(r.checks.proven, func(key segmentKey, _ round.Mark) bool { return key.round < r.state.Closed })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
 	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)
 	if last {
@@ -217,9 +220,9 @@ func (r *run) swing(name string, cost time.Duration) {
 	}
 }
 
-// release frees the film of a job that has ended and is checkpointed; images then come from the
+// unload frees the film of a job that has ended and is checkpointed; images then come from the
 // checkpoint.
-func (r *run) release() {
+func (r *run) unload() {
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	if r.rec.State.Ended() && !r.dirty {

@@ -4,6 +4,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"slices"
 	"sync"
 	"time"
 
@@ -27,10 +28,11 @@ type run struct {
 	id     string
 	number uint64 // order of creation
 
-	mu    sync.Mutex
-	rec   store.Record
-	table *lease.Table
-	tasks map[string]taskKey
+	mu     sync.Mutex
+	rec    store.Record
+	table  *lease.Table
+	tasks  map[string]taskKey
+	checks checks
 
 	// From inspection on.
 	report *scenev1.SceneReport
@@ -72,6 +74,7 @@ func (c *Coordinator) newRun(rec store.Record) *run {
 		c: c, id: rec.ID, number: rec.Number, rec: rec,
 		table:  lease.NewTable(c.options.LeaseTTL, c.nextEpoch),
 		tasks:  make(map[string]taskKey),
+		checks: newChecks(),
 		warned: make(map[string]bool),
 		events: eventLog{sequence: rec.Sequence},
 	}
@@ -93,6 +96,7 @@ func (r *run) closeTask(id string) {
 func (r *run) clearTasks() {
 	r.table = lease.NewTable(r.c.options.LeaseTTL, r.c.nextEpoch)
 	clear(r.tasks)
+	r.checks.clear()
 }
 
 // startInspection opens the job's first task. Requires: mu.
@@ -120,11 +124,16 @@ func (r *run) openTasks() {
 
 // openSegment opens one segment's task if it can be rendered now. Requires: mu; rendering.
 func (r *run) openSegment(number, segment int) {
-	if number > r.lastRound() || !r.state.Ready(number, segment) {
+	held := r.checks.of[segmentKey{number, segment}] != nil
+	if held || number > r.lastRound() || !r.state.Ready(number, segment) {
 		return
 	}
-	order := uint64(number)*uint64(len(r.state.Expected())) + uint64(segment)
-	r.put(segmentTask(r.id, number, segment), order, taskKey{phase: job.Rendering, round: number, segment: segment})
+	key := taskKey{phase: job.Rendering, round: number, segment: segment}
+	r.put(segmentTask(r.id, number, segment), r.segmentOrder(number, segment), key)
+}
+
+func (r *run) segmentOrder(number, segment int) uint64 {
+	return uint64(number)*uint64(len(r.state.Expected())) + uint64(segment)
 }
 
 func segmentTask(id string, number, segment int) string {
@@ -154,6 +163,11 @@ func (r *run) decideLast(reason string) {
 	}
 	r.rec.Decision = &round.Decision{Round: number, Reason: reason}
 	r.save() // before it takes effect: a restart must stop on the same round
+	for _, h := range slices.Clone(r.checks.held) {
+		if h.batch.Round > number {
+			r.drop(h)
+		}
+	}
 	for id, key := range r.tasks {
 		if key.phase == job.Rendering && key.round > number {
 			r.table.Drop(id)

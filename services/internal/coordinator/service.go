@@ -227,8 +227,7 @@ func (c *Coordinator) Pause(_ context.Context, id string) (job.Snapshot, error) 
 func (c *Coordinator) Resume(_ context.Context, id string) (job.Snapshot, error) {
 	return c.change(id, func(r *run) error {
 		if r.rec.Paused {
-			r.rec.Paused = false
-			r.startClock()
+			r.unpause()
 			r.publish("state", "resumed", nil)
 		}
 		return nil
@@ -238,8 +237,7 @@ func (c *Coordinator) Resume(_ context.Context, id string) (job.Snapshot, error)
 // Finish implements api.Service. A paused job is resumed: its last round has to be completed.
 func (c *Coordinator) Finish(_ context.Context, id string) (job.Snapshot, error) {
 	return c.change(id, func(r *run) error {
-		r.rec.Paused = false
-		r.startClock()
+		r.unpause()
 		r.decideLast(round.StopFinished)
 		r.publish("state", "finishing with the round under way", nil)
 		return nil

@@ -20,7 +20,8 @@ func (r *run) snapshot() job.Snapshot {
 		return *r.rec.Summary
 	}
 	s := job.Snapshot{
-		ID: r.id, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused, Error: r.rec.Error,
+		ID: r.id, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused,
+		PauseReason: r.rec.PauseReason, Error: r.rec.Error,
 		CreatedAt: r.rec.CreatedAt, StartedAt: r.rec.StartedAt, EndedAt: r.rec.EndedAt,
 		StopReason: r.rec.StopReason, Seed: r.rec.Request.Seed, Activity: r.activity,
 		WallSeconds: r.wallSeconds(), LoadSeconds: r.extra.LoadSeconds,
@@ -129,8 +130,12 @@ func (r *run) describePhase(s *job.Snapshot) {
 		}
 		s.RoundSegmentsDone = s.RoundSegments - r.state.Open[0].Ledger.Missing
 	}
-	if s.Activity == "" && r.waitsForVersion() {
+	switch held := len(r.checks.held); {
+	case s.Activity != "":
+	case r.waitsForVersion():
 		s.Activity = fmt.Sprintf("waiting for a worker of version %s", r.spec.GetWorkerVersion())
+	case held > 0:
+		s.Activity = fmt.Sprintf("%d batches wait for a second worker to confirm them", held)
 	}
 }
 

@@ -20,7 +20,8 @@ type worker struct {
 	lastContact                 time.Time
 	draining                    bool
 	activity                    string
-	conflicts                   int
+	conflicts                   int    // batches that cannot be right, or that another worker contradicts
+	exclusion                   string // why it gets no more work; empty if it does
 	meter                       meter
 }
 
@@ -87,6 +88,61 @@ func (c *Coordinator) flag(id string) {
 	}
 }
 
+// unflag takes a flag back: another worker was at fault.
+func (c *Coordinator) unflag(id string) {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if w := c.workers[id]; w != nil && w.conflicts > 0 {
+		w.conflicts--
+	}
+}
+
+// exclude drains a worker that was found to render wrong.
+func (c *Coordinator) exclude(id, reason string) {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if w := c.workers[id]; w != nil {
+		w.draining, w.exclusion = true, reason
+		c.log.Error("worker is excluded", "worker", w.id, "name", w.name, "version", w.version, "reason", reason)
+	}
+}
+
+// excluded lists the workers that were found to render wrong.
+func (c *Coordinator) excluded() map[string]bool {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	excluded := make(map[string]bool)
+	for id, w := range c.workers {
+		if w.exclusion != "" {
+			excluded[id] = true
+		}
+	}
+	return excluded
+}
+
+// renderers lists the live workers of a version that take work.
+func (c *Coordinator) renderers(version string) []string {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	var ids []string
+	for id, w := range c.workers {
+		if w.version == version && !w.draining && !c.lost(w) {
+			ids = append(ids, id)
+		}
+	}
+	return ids
+}
+
+// describe names a worker for people.
+func (c *Coordinator) describe(id string) string {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	if w := c.workers[id]; w != nil {
+		return fmt.Sprintf("%s (%s)", w.name, id)
+	}
+	return id
+}
+
 func (c *Coordinator) forgetWorkers() {
 	c.mu.Lock()
 	defer c.mu.Unlock()
@@ -138,6 +194,7 @@ func (c *Coordinator) workerView(w *worker, held int) job.Worker {
 		ID: w.id, Name: w.name, Version: w.version, Threads: w.threads, State: state,
 		LastContact: w.lastContact, LeasedSegments: held, Activity: w.activity,
 		MutationsPerSecond: w.meter.rate(c.options.Now()),
+		Conflicts:          w.conflicts, Exclusion: w.exclusion,
 	}
 }
 

@@ -112,14 +112,16 @@ type Acceptance struct {
 
 // Snapshot is the public view of a job at one moment.
 type Snapshot struct {
-	ID        string     `json:"id"`
-	Request   Request    `json:"request"`
-	State     State      `json:"state"`
-	Paused    bool       `json:"paused"`
-	Error     string     `json:"error,omitempty"`
-	CreatedAt time.Time  `json:"created_at"`
-	StartedAt *time.Time `json:"started_at,omitempty"`
-	EndedAt   *time.Time `json:"ended_at,omitempty"`
+	ID      string  `json:"id"`
+	Request Request `json:"request"`
+	State   State   `json:"state"`
+	Paused  bool    `json:"paused"`
+	// PauseReason says why the job paused itself and what to do; empty if the user paused it.
+	PauseReason string     `json:"pause_reason,omitempty"`
+	Error       string     `json:"error,omitempty"`
+	CreatedAt   time.Time  `json:"created_at"`
+	StartedAt   *time.Time `json:"started_at,omitempty"`
+	EndedAt     *time.Time `json:"ended_at,omitempty"`
 	// StopReason says which rule ended the job, once it is done.
 	StopReason string `json:"stop_reason,omitempty"`
 
@@ -196,4 +198,9 @@ type Worker struct {
 	LeasedSegments     int       `json:"leased_segments"`
 	Activity           string    `json:"activity,omitempty"`
 	MutationsPerSecond float64   `json:"mutations_per_second"`
+	// Conflicts counts batches that cannot be right, or that another worker contradicts and no third
+	// has confirmed.
+	Conflicts int `json:"conflicts"`
+	// Exclusion says why the worker gets no more work: it was found to render wrong.
+	Exclusion string `json:"exclusion,omitempty"`
 }

@@ -40,7 +40,9 @@ type task struct {
 	holders  []holding
 	failures map[string]int  // by worker
 	lost     map[string]bool // workers lost while holding it
+	barred   map[string]bool // workers that must not have it
 	evidence string          // latest failure message
+	apart    bool            // see PutApart
 }
 
 // Table holds the open tasks of one job.
@@ -61,59 +63,41 @@ func NewTable(ttl time.Duration, nextEpoch func() uint64) *Table {
 }
 
 // Put opens a task; lower orders are granted first. A task that is open stays as it is.
-func (t *Table) Put(id string, order uint64) {
+func (t *Table) Put(id string, order uint64) { t.put(id, order, false) }
+
+// PutApart opens a task that goes before all others, is never leased together with them, and whose
+// failures do not speak against the job: it can be given up.
+func (t *Table) PutApart(id string, order uint64) { t.put(id, order, true) }
+
+func (t *Table) put(id string, order uint64, apart bool) {
 	if t.tasks[id] != nil {
 		return
 	}
-	added := &task{id: id, order: order, failures: map[string]int{}, lost: map[string]bool{}}
+	added := &task{
+		id: id, order: order, apart: apart,
+		failures: map[string]int{}, lost: map[string]bool{}, barred: map[string]bool{},
+	}
 	t.tasks[id] = added
 	at, _ := slices.BinarySearchFunc(t.ordered, order, func(k *task, o uint64) int { return cmp.Compare(k.order, o) })
 	t.ordered = slices.Insert(t.ordered, at, added)
 }
 
+// Bar keeps a worker from getting an open task.
+func (t *Table) Bar(id, worker string) {
+	if k := t.tasks[id]; k != nil {
+		k.barred[worker] = true
+	}
+}
+
+// Suits tells whether an open task could still be leased to a worker: it is neither barred nor has
+// it failed the task.
+func (t *Table) Suits(id, worker string) bool {
+	k := t.tasks[id]
+	return k != nil && !k.barred[worker] && k.failures[worker] == 0
+}
+
 // Open is the number of tasks that are not done.
 func (t *Table) Open() int { return len(t.tasks) }
-
-// Grant leases up to limit tasks to a worker: waiting ones in order and, only when none waits,
-// copies of tasks that straggle elsewhere. A task is not offered again to a worker that failed it,
-// unless alone says that there is no other.
-func (t *Table) Grant(worker string, limit int, alone bool, now time.Time) []Ref {
-	var granted []Ref
-	for _, k := range t.ordered {
-		if len(granted) == limit {
-			return granted
-		}
-		if len(k.holders) == 0 && (alone || k.failures[worker] == 0) {
-			granted = append(granted, t.lease(k, worker, now))
-		}
-	}
-	if len(granted) > 0 {
-		return granted
-	}
-	for _, k := range t.ordered {
-		if len(granted) < limit && t.straggles(k, worker, now) {
-			granted = append(granted, t.lease(k, worker, now))
-		}
-	}
-	return granted
-}
-
-func (t *Table) lease(k *task, worker string, now time.Time) Ref {
-	h := holding{epoch: t.nextEpoch(), worker: worker, granted: now, deadline: now.Add(t.ttl)}
-	k.holders = append(k.holders, h)
-	return Ref{Task: k.id, Epoch: h.epoch}
-}
-
-// straggles tells whether a copy of the task is worth giving to a worker: held elsewhere for three
-// times the usual time, and never sooner than the time to live.
-func (t *Table) straggles(k *task, worker string, now time.Time) bool {
-	if len(k.holders) == 0 || len(k.holders) >= maxHolders || t.finished == 0 || k.failures[worker] > 0 {
-		return false
-	}
-	h := k.holders[0]
-	usual := t.spent / time.Duration(t.finished)
-	return h.worker != worker && now.Sub(h.granted) > max(t.ttl, 3*usual)
-}
 
 // Renew extends a lease. False: the lease is gone, its holder should drop the task.
 func (t *Table) Renew(ref Ref, worker string, fraction float64, now time.Time) bool {
@@ -168,6 +152,13 @@ func (t *Table) Release(ref Ref, worker string) {
 		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool {
 			return h.epoch == ref.Epoch && h.worker == worker
 		})
+	}
+}
+
+// ReleaseWorker gives all leases of a worker back without blame.
+func (t *Table) ReleaseWorker(worker string) {
+	for _, k := range t.ordered {
+		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool { return h.worker == worker })
 	}
 }
 
@@ -236,10 +227,13 @@ type Poison struct {
 	Evidence string
 }
 
-// Poisoned returns a task that failed on, or was lost with, three distinct workers, or that failed
+// Poisoned returns a task, not put apart, that failed on, or was lost with, three distinct workers, or that failed
 // three times on one worker while alone says that there is no other to try.
 func (t *Table) Poisoned(alone bool) (Poison, bool) {
 	for _, k := range t.ordered {
+		if k.apart {
+			continue
+		}
 		workers, repeats := len(k.failures), 0
 		for worker := range k.lost {
 			if k.failures[worker] == 0 {

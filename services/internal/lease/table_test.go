@@ -2,6 +2,7 @@ package lease
 
 import (
 	"fmt"
+	"slices"
 	"testing"
 	"time"
 )
@@ -134,5 +135,51 @@ func TestStragglersRunTwice(t *testing.T) {
 	k.Done(copied[0].Task, at(41))
 	if k.Open() != 0 || k.Renew(refs[1], "slow", 1, at(41)) {
 		t.Error("a done task is alive")
+	}
+}
+
+func TestTasksPutApart(t *testing.T) {
+	k := table(2)
+	k.PutApart("check 5", 5)
+	k.PutApart("check 4", 4)
+	k.Bar("check 4", "a")
+	tasks := func(refs []Ref) (names []string) {
+		for _, r := range refs {
+			names = append(names, r.Task)
+		}
+		return names
+	}
+	if got := tasks(k.Grant("a", 9, true, at(0))); !slices.Equal(got, []string{"check 5"}) {
+		t.Errorf("a first gets %v", got)
+	}
+	if got := tasks(k.Grant("a", 9, true, at(0))); !slices.Equal(got, []string{"1", "0"}) {
+		t.Errorf("a then gets %v", got)
+	}
+	if got := tasks(k.GrantApart("b", 9, at(0))); !slices.Equal(got, []string{"check 4"}) {
+		t.Errorf("b gets %v", got)
+	}
+	if k.Suits("check 4", "a") || !k.Suits("check 4", "b") || k.Suits("none", "b") {
+		t.Error("suits whom it should not, or not whom it should")
+	}
+	k.ReleaseWorker("a")
+	if got := tasks(k.Grant("b", 9, false, at(0))); !slices.Equal(got, []string{"check 5"}) {
+		t.Errorf("after a left, b gets %v", got)
+	}
+}
+
+func TestTaskPutApartIsNeverPoison(t *testing.T) {
+	k := table(0)
+	k.PutApart("check", 0)
+	for _, worker := range []string{"a", "b", "c"} {
+		refs := k.Grant(worker, 1, true, at(0))
+		if len(refs) != 1 || !k.Fail(refs[0], worker, "") || k.Suits("check", worker) {
+			t.Fatalf("%s: %v", worker, refs)
+		}
+		if again := k.Grant(worker, 1, true, at(0)); len(again) > 0 {
+			t.Errorf("%s gets it again", worker)
+		}
+	}
+	if p, poisoned := k.Poisoned(true); poisoned {
+		t.Errorf("%+v", p)
 	}
 }

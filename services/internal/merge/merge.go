@@ -46,6 +46,35 @@ type Batch struct {
 	Tiles      []film.Tile
 	CPUSeconds float64
 	Anomalies  []*farmv1.Anomaly
+
+	packed []*farmv1.Tile // the same tiles as they came
+}
+
+// Pack forgets the decoded tiles and returns about how many bytes the batch takes without them: a
+// dense film of 1920 x 1080 takes 200 MiB decoded, 4 to 17 MiB packed.
+func (b *Batch) Pack() (bytes int) {
+	b.Tiles = nil
+	for _, t := range b.packed {
+		bytes += len(t.GetData())
+	}
+	for _, s := range b.Segments {
+		bytes += len(s.State)
+	}
+	return bytes
+}
+
+// Unpack decodes the tiles of a packed batch again.
+func (b *Batch) Unpack(codec *film.Codec, shape film.Shape) error {
+	tiles := make([]film.Tile, 0, len(b.packed))
+	for _, t := range b.packed {
+		tile, _, err := codec.DecodeTile(shape, t)
+		if err != nil {
+			return fmt.Errorf("merge: unpack: %w", err)
+		}
+		tiles = append(tiles, tile)
+	}
+	b.Tiles = tiles
+	return nil
 }
 
 // Entries lists the segments for a ledger.
@@ -108,6 +137,7 @@ func (a *Assembler) Add(tiles []*farmv1.Tile) error {
 		a.seen[tile.Index] = true
 		a.digest += digest
 		a.batch.Tiles = append(a.batch.Tiles, tile)
+		a.batch.packed = append(a.batch.packed, t)
 	}
 	return nil
 }

@@ -3,6 +3,7 @@ package merge
 import (
 	"errors"
 	"math"
+	"reflect"
 	"testing"
 
 	"google.golang.org/protobuf/proto"
@@ -60,6 +61,21 @@ func TestAssemble(t *testing.T) {
 	}
 	if len(got.Tiles) != 1 || got.Tiles[0].Values[1] != -3 || len(got.Segments) != 2 || got.Segments[1].Segment != 4 {
 		t.Errorf("%+v", got)
+	}
+}
+
+func TestPackedBatchIsTheSameUnpacked(t *testing.T) {
+	c := codec(t)
+	got, err := assemble(c, first(batch(c)), second(batch(c)))
+	if err != nil {
+		t.Fatal(err)
+	}
+	before := got.Tiles
+	if bytes := got.Pack(); bytes == 0 || bytes >= 8*film.FullTileValues || got.Tiles != nil {
+		t.Errorf("packed into %d bytes and %d tiles", bytes, len(got.Tiles))
+	}
+	if err := got.Unpack(c, shape); err != nil || !reflect.DeepEqual(got.Tiles, before) {
+		t.Errorf("%d tiles, error %v", len(got.Tiles), err)
 	}
 }
 

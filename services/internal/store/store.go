@@ -26,15 +26,16 @@ type Record struct {
 	ID     string `json:"id"`
 	Number uint64 `json:"number"` // order of creation, set by CreateJob
 
-	Request    job.Request `json:"request"`
-	State      job.State   `json:"state"`
-	Paused     bool        `json:"paused,omitempty"`
-	Error      string      `json:"error,omitempty"`
-	StopReason string      `json:"stop_reason,omitempty"`
-	Warnings   []string    `json:"warnings,omitempty"`
-	CreatedAt  time.Time   `json:"created_at"`
-	StartedAt  *time.Time  `json:"started_at,omitempty"`
-	EndedAt    *time.Time  `json:"ended_at,omitempty"`
+	Request     job.Request `json:"request"`
+	State       job.State   `json:"state"`
+	Paused      bool        `json:"paused,omitempty"`
+	PauseReason string      `json:"pause_reason,omitempty"` // if the job paused itself
+	Error       string      `json:"error,omitempty"`
+	StopReason  string      `json:"stop_reason,omitempty"`
+	Warnings    []string    `json:"warnings,omitempty"`
+	CreatedAt   time.Time   `json:"created_at"`
+	StartedAt   *time.Time  `json:"started_at,omitempty"`
+	EndedAt     *time.Time  `json:"ended_at,omitempty"`
 
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`

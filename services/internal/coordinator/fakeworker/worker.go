@@ -5,6 +5,7 @@ package fakeworker
 import (
 	"context"
 	"encoding/hex"
+	"errors"
 	"fmt"
 	"slices"
 	"sync"
@@ -34,6 +35,8 @@ type Worker struct {
 	StaleDelay time.Duration
 	// Black makes all bootstrap values zero; OneHalf only those of half 1.
 	Black, OneHalf bool
+	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
+	Lie int64
 	// Delay before each batch is delivered.
 	Delay time.Duration
 
@@ -76,7 +79,10 @@ func (w *Worker) hold(tasks []*farmv1.Task) {
 	}
 }
 
-// Run works until ctx ends. Transport errors are retried, as real workers do.
+// errDrained: the coordinator does not want this worker any more.
+var errDrained = errors.New("drained")
+
+// Run works until ctx ends or the coordinator drains the worker. Transport errors are retried, as real workers do.
 func (w *Worker) Run(ctx context.Context) error {
 	codec, err := film.NewCodec()
 	if err != nil {
@@ -90,6 +96,9 @@ func (w *Worker) Run(ctx context.Context) error {
 	defer cancel()
 	for ctx.Err() == nil {
 		err := w.step(ctx)
+		if errors.Is(err, errDrained) {
+			return nil
+		}
 		switch status.Code(err) {
 		case codes.OK:
 		case codes.NotFound:
@@ -121,6 +130,9 @@ func (w *Worker) step(ctx context.Context) error {
 	answer, err := w.Client.Lease(ctx, &farmv1.LeaseRequest{
 		WorkerId: w.id, MaxSegments: max(w.MaxSegments, 4), WaitSeconds: 0.2,
 	})
+	if err == nil && answer.GetDrain() {
+		return errDrained
+	}
 	if err != nil || len(answer.GetTasks()) == 0 {
 		return err
 	}
@@ -228,6 +240,9 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 			result = c.renderChains(spec, number, g)
 		} else {
 			result = c.renderPaths(spec, plan.Cells(spec, w.Report), number, t.GetPaths().GetFirstSegment())
+		}
+		if w.Lie != 0 {
+			result.Digest += c.add(0, 0, 0, 0, 0, w.Lie)
 		}
 		result.Lease = &farmv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}
 		header.Segments = append(header.Segments, result)

@@ -140,15 +140,15 @@ type Outcome int32
 const (
 	// Not set; never sent.
 	Outcome_OUTCOME_UNSPECIFIED Outcome = 0
-	// Counted. Forget the work.
+	// Counted, or kept until another worker has rendered a part of it too. Forget the work.
 	Outcome_OUTCOME_COMMITTED Outcome = 1
 	// Everything in it had been counted before, with the same digests. Forget the work.
 	Outcome_OUTCOME_DUPLICATE Outcome = 2
 	// Not counted: the job ended, or part of it was counted before. Forget the work; what is missing
 	// is leased again.
 	Outcome_OUTCOME_SUPERSEDED Outcome = 3
-	// Not counted: digests disagree with each other or with what was counted. Discard caches of this
-	// job, then go on.
+	// Not counted: digests disagree with each other, with what was counted or with what another worker
+	// rendered. Discard caches of this job, then go on.
 	Outcome_OUTCOME_CONFLICT Outcome = 4
 	// Not counted: malformed. The message says why; report it and do not repeat the batch.
 	Outcome_OUTCOME_REJECTED Outcome = 5

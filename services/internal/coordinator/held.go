@@ -1,0 +1,217 @@
+package coordinator
+
+import (
+	"slices"
+	"time"
+
+	"metrofarm/services/internal/check"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/merge"
+	"metrofarm/services/internal/plan"
+	"metrofarm/services/internal/round"
+)
+
+// maxHeldBytes bounds the packed batches that a job holds; batches beyond it are superseded, which
+// renders their segments again. One batch is always held, whatever its size.
+const maxHeldBytes = 256 << 20
+
+// segmentKey names a segment of a job.
+type segmentKey struct{ round, segment int }
+
+// heldBatch is not merged before the cases of its segments are decided. It lives in memory only:
+// after a restart its segments are rendered again, to the same bits.
+type heldBatch struct {
+	worker string
+	batch  *merge.Batch // packed
+	bytes  int
+	since  time.Time // of the hold, or of the latest dispute
+	cases  map[segmentKey]*check.Case
+}
+
+func (h *heldBatch) mark(key segmentKey) round.Mark {
+	at := slices.IndexFunc(h.batch.Segments, func(s merge.Segment) bool { return s.Segment == key.segment })
+	return h.batch.Segments[at].Mark
+}
+
+func (h *heldBatch) disputed() bool {
+	for _, c := range h.cases {
+		if c.Ruling().Status == check.Disputed {
+			return true
+		}
+	}
+	return false
+}
+
+// checks is what a job knows of segments that are rendered twice. Guarded by run.mu.
+type checks struct {
+	held   []*heldBatch // in order of arrival
+	of     map[segmentKey]*heldBatch
+	proven map[segmentKey]round.Mark // two workers rendered this; of rounds that are not closed
+	// suspects disagreed when the job was paused for it; nothing of them is taken until it goes on.
+	suspects map[string]bool
+	// unchecked counts segments by the worker on whose word alone they were counted.
+	unchecked map[string]int
+}
+
+func newChecks() checks {
+	return checks{
+		of: make(map[segmentKey]*heldBatch), proven: make(map[segmentKey]round.Mark),
+		suspects: make(map[string]bool), unchecked: make(map[string]int),
+	}
+}
+
+// clear forgets all held batches: nobody wants them any more.
+func (k *checks) clear() {
+	k.held = nil
+	clear(k.of)
+	clear(k.proven)
+}
+
+func (k *checks) overlaps(batch *merge.Batch) bool {
+	return slices.ContainsFunc(batch.Segments, func(s merge.Segment) bool {
+		return k.of[segmentKey{batch.Round, s.Segment}] != nil
+	})
+}
+
+// disputes tells whether a worker is party to a dispute.
+func (k *checks) disputes(worker string) bool {
+	for _, h := range k.held {
+		for _, c := range h.cases {
+			if c.Knows(worker) && c.Ruling().Status == check.Disputed {
+				return true
+			}
+		}
+	}
+	return false
+}
+
+func checkTask(id string, key segmentKey) string {
+	return segmentTask(id, key.round, key.segment) + "/check"
+}
+
+// toCheck lists the segments of a fresh batch that another worker must confirm: the selected ones,
+// if there is another worker. Requires: mu.
+func (r *run) toCheck(w worker, batch *merge.Batch) []segmentKey {
+	var selected []segmentKey
+	for _, s := range batch.Segments {
+		key := segmentKey{batch.Round, s.Segment}
+		_, proven := r.checks.proven[key]
+		if !proven && check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment) {
+			selected = append(selected, key)
+		}
+	}
+	others := slices.DeleteFunc(r.c.renderers(r.spec.GetWorkerVersion()), func(id string) bool { return id == w.id })
+	if len(others) == 0 {
+		return nil
+	}
+	return selected
+}
+
+// hold keeps a batch and asks other workers for the selected segments. False: there is no room.
+// Requires: mu.
+func (r *run) hold(w worker, batch *merge.Batch, selected []segmentKey) bool {
+	h := &heldBatch{
+		worker: w.id, batch: batch, bytes: batch.Pack(), since: r.c.options.Now(),
+		cases: make(map[segmentKey]*check.Case),
+	}
+	total := h.bytes
+	for _, other := range r.checks.held {
+		total += other.bytes
+	}
+	if total > maxHeldBytes && total > h.bytes {
+		return false
+	}
+	r.checks.held = append(r.checks.held, h)
+	for _, s := range batch.Segments {
+		r.checks.of[segmentKey{batch.Round, s.Segment}] = h
+		r.closeTask(segmentTask(r.id, batch.Round, s.Segment))
+	}
+	for _, key := range selected {
+		r.openCase(h, key)
+	}
+	return true
+}
+
+// openCase asks another worker for a segment of a held batch. Requires: mu.
+func (r *run) openCase(h *heldBatch, key segmentKey) *check.Case {
+	c := &check.Case{}
+	c.Hear(h.worker, h.mark(key))
+	h.cases[key] = c
+	id := checkTask(r.id, key)
+	r.tasks[id] = taskKey{phase: job.Rendering, round: key.round, segment: key.segment}
+	r.table.PutApart(id, r.segmentOrder(key.round, key.segment))
+	r.table.Bar(id, h.worker)
+	return c
+}
+
+// closeCase requires: mu.
+func (r *run) closeCase(h *heldBatch, key segmentKey) {
+	delete(h.cases, key)
+	r.closeTask(checkTask(r.id, key))
+}
+
+// settle merges a held batch whose cases are all closed. Requires: mu.
+func (r *run) settle(h *heldBatch) {
+	if len(h.cases) > 0 {
+		return
+	}
+	r.unhold(h)
+	verdict, err := r.state.Judge(h.batch)
+	if err == nil && verdict == round.Fresh {
+		err = h.batch.Unpack(r.c.codec, plan.Shape(r.spec))
+	}
+	if err != nil || verdict != round.Fresh || h.batch.Round > r.lastRound() {
+		r.reopen(h)
+		return
+	}
+	r.count(h.batch, h.worker)
+}
+
+// drop gives a held batch up; its segments are leased again. Requires: mu.
+func (r *run) drop(h *heldBatch) {
+	for key := range h.cases {
+		r.closeCase(h, key)
+	}
+	r.unhold(h)
+	r.reopen(h)
+}
+
+func (r *run) unhold(h *heldBatch) {
+	r.checks.held = slices.DeleteFunc(r.checks.held, func(o *heldBatch) bool { return o == h })
+	for _, s := range h.batch.Segments {
+		delete(r.checks.of, segmentKey{h.batch.Round, s.Segment})
+	}
+}
+
+func (r *run) reopen(h *heldBatch) {
+	for _, s := range h.batch.Segments {
+		r.openSegment(h.batch.Round, s.Segment)
+	}
+}
+
+// count merges a batch. Requires: mu; nothing of it was counted and its round is wanted.
+func (r *run) count(batch *merge.Batch, workerID string) {
+	r.state.Commit(batch)
+	var mutations uint64
+	for _, s := range batch.Segments {
+		mutations += s.Counts.Mutations
+		r.c.metrics.rays.Add(float64(s.Counts.Rays))
+		if _, proven := r.checks.proven[segmentKey{batch.Round, s.Segment}]; !proven {
+			r.checks.unchecked[workerID]++
+		}
+		// Close by segment, not by the reported lease: whoever holds the task, it is done.
+		r.closeTask(segmentTask(r.id, batch.Round, s.Segment))
+		if batch.Round == r.state.Closed {
+			r.openSegment(batch.Round+1, s.Segment)
+		}
+	}
+	r.reportAnomalies(batch.Anomalies)
+	r.dirty = true
+	now := r.c.options.Now()
+	r.meter.add(mutations, now)
+	r.c.credit(workerID, mutations)
+	r.c.metrics.mutations.Add(float64(mutations))
+	if r.state.Complete() {
+		r.c.wake()
+	}
+}
