@@ -75,8 +75,8 @@ Spec spec_of(const Options& o, const scene::SceneDescription& d) {
   spec.integrator = o.integrator;
   spec.path = {transport::LightSampling::kMis, d.integrator.max_depth, d.integrator.rr_depth,
                d.integrator.hide_emitters};
-  spec.width = o.width > 0 ? static_cast<int>(o.width) : d.film.width;
-  spec.height = o.height > 0 ? static_cast<int>(o.height) : d.film.height;
+  spec.width = o.width > 0 ? static_cast<int>(o.width) : d.film.image_width();
+  spec.height = o.height > 0 ? static_cast<int>(o.height) : d.film.image_height();
   spec.seed = o.seed;
   return spec;
 }
@@ -172,8 +172,9 @@ RecordedRays record_rays(const Context& context) {
     source.begin(first);
     const auto film = source.pair(primary_space::kFilmSlot, all_lanes());
     const auto window = context.whole_raster();
-    auto ray = context.camera().ray(window.x + film.first * window.width,
-                                    window.y + film.second * window.height);
+    auto ray =
+        context.camera().ray(window.x + film.first * window.width,
+                             window.y + film.second * window.height, {Float(0.5F), Float(0.5F)});
     Mask active = all_lanes();
     for (int bounce = 0; bounce < 6 && any(active); ++bounce) {
       rays.origin.push_back(ray.origin);
@@ -182,7 +183,7 @@ RecordedRays record_rays(const Context& context) {
       const auto hits = scene.tracer().intersect(active, ray.origin, ray.direction);
       active = hits.hit;
       const auto surface =
-          geometry::surface_at(scene.primitives(), hits, ray.origin, ray.direction, false);
+          geometry::surface_at(scene.primitives(), hits, ray.origin, ray.direction, {});
       const auto u =
           source.pair(primary_space::eye_slot(bounce, primary_space::Decision::kDirection), active);
       const Float side = xsimd::copysign(Float(1.F), -dot(surface.geometric_normal, ray.direction));
@@ -251,7 +252,7 @@ int run_bench(const std::vector<std::string>& words) {
       static_cast<unsigned long long>(f.samples), static_cast<unsigned long long>(f.rays),
       f.cpu_seconds, f.wall_seconds, double(f.samples) / f.cpu_seconds,
       double(f.rays) / f.cpu_seconds, raw_rays_per_second(context), load_time,
-      static_cast<unsigned long long>(scene.bytes()));
+      static_cast<unsigned long long>(scene.bytes().total()));
   return 0;
 }
 

@@ -5,6 +5,7 @@
 
 #include "app/bench.h"
 #include "app/files.h"
+#include "app/inspect.h"
 #include "app/serve.h"
 
 namespace {
@@ -13,6 +14,7 @@ constexpr char kUsage[] =
     "usage: metrofarm-worker --coordinator HOST:PORT [--threads N] [--isa avx2] [--name NAME]\n"
     "                        [--cache DIR]\n"
     "       metrofarm-worker files SCENE.xml [--set NAME=VALUE]... [--lenient]\n"
+    "       metrofarm-worker inspect SCENE.xml [--set NAME=VALUE]... [--lenient]\n"
     "       metrofarm-worker bench SCENE.xml [--integrator path|pssmlt] [--per-pixel N]\n"
     "                        [--width N] [--height N] [--threads N] [--seed N]\n"
     "                        [--set NAME=VALUE]... [--lenient]\n";
@@ -28,6 +30,7 @@ int main(int argc, char** argv) {
   }
   const std::vector<std::string> rest(words.begin() + 1, words.end());
   if (command == "bench") return metrofarm::app::run_bench(rest);
+  if (command == "inspect") return metrofarm::app::run_inspect(rest);
   if (command == "files") return metrofarm::app::run_files(rest);
   return metrofarm::app::run_serve(words);
 }

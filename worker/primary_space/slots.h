@@ -18,7 +18,7 @@ inline constexpr Slot kFirstEyeSlot = 3;
 enum class Decision : int {
   kLobe = 0,       // .first: lobe, .second: Russian roulette
   kDirection = 1,  // scattered direction
-  kLight = 2,      // .first: which light
+  kLight = 2,      // .first: which light, .second: which component of a mixed material
   kLightPoint = 3  // point on the light
 };
 inline constexpr int kDecisionsPerVertex = 4;

@@ -1,5 +1,7 @@
 #include "rpc/convert.h"
 
+#include "scene/kinds.h"
+
 namespace metrofarm::rpc {
 
 using job::v1::ResolvedSpec;
@@ -35,17 +37,6 @@ Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
   return kernel;
 }
 
-const char* kind_of(const metrofarm::scene::Bsdf& bsdf) {
-  static constexpr const char* kNames[] = {"diffuse", "conductor", "roughconductor", "dielectric",
-                                           "twosided"};
-  return kNames[bsdf.model.index()];
-}
-
-const char* kind_of(const metrofarm::scene::Emitter& emitter) {
-  static constexpr const char* kNames[] = {"area", "point", "constant"};
-  return kNames[emitter.model.index()];
-}
-
 metrofarm::scene::v1::Filter filter_of(metrofarm::scene::ReconstructionFilter filter) {
   switch (filter) {
     case metrofarm::scene::ReconstructionFilter::kBox:
@@ -54,6 +45,12 @@ metrofarm::scene::v1::Filter filter_of(metrofarm::scene::ReconstructionFilter fi
       return metrofarm::scene::v1::FILTER_TENT;
     case metrofarm::scene::ReconstructionFilter::kGaussian:
       return metrofarm::scene::v1::FILTER_GAUSSIAN;
+    case metrofarm::scene::ReconstructionFilter::kMitchell:
+      return metrofarm::scene::v1::FILTER_MITCHELL;
+    case metrofarm::scene::ReconstructionFilter::kCatmullRom:
+      return metrofarm::scene::v1::FILTER_CATMULL_ROM;
+    case metrofarm::scene::ReconstructionFilter::kLanczos:
+      return metrofarm::scene::v1::FILTER_LANCZOS;
   }
   return metrofarm::scene::v1::FILTER_UNSPECIFIED;
 }
@@ -91,22 +88,69 @@ Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescrip
   return spec;
 }
 
+namespace {
+
+// A scene may have any number of lights; a report that people read has not.
+constexpr int kLightsListed = 1000;
+
+std::string place_of(const SourceLocation& where) {
+  if (where.file.empty()) return "";
+  return where.file + ":" + std::to_string(where.line);
+}
+
+// The lights of the scene, where the file has them; one for each shape that shines.
+void list_lights(const metrofarm::scene::SceneDescription& d, SceneReport& report) {
+  const auto add = [&](const metrofarm::scene::Emitter& emitter, const SourceLocation& where) {
+    if (report.lights_size() == kLightsListed) return;
+    auto& light = *report.add_lights();
+    light.set_kind(kind_of(emitter));
+    light.set_place(place_of(where));
+  };
+  for (const auto& shape : d.shapes)
+    if (shape.area_emitter != metrofarm::scene::kNone)
+      add(d.emitters[shape.area_emitter], shape.where);
+  for (const auto& emitter : d.emitters)
+    if (!std::holds_alternative<metrofarm::scene::AreaEmitter>(emitter.model))
+      add(emitter, emitter.where);
+}
+
+void count_elements(const metrofarm::scene::SceneDescription& d, SceneReport& report) {
+  for (const auto& shape : d.shapes) ++(*report.mutable_shapes())[kind_of(shape)];
+  for (const auto& texture : d.textures) ++(*report.mutable_textures())[kind_of(texture)];
+  for (const auto& bsdf : d.bsdfs) ++(*report.mutable_bsdfs())[kind_of(bsdf)];
+  for (const auto& emitter : d.emitters) ++(*report.mutable_emitters())[kind_of(emitter)];
+  report.set_instances(d.instances.size());
+}
+
+void fill_memory(const transport::Scene& scene, SceneReport& report) {
+  const transport::SceneBytes bytes = scene.bytes();
+  auto& memory = *report.mutable_memory();
+  memory.set_geometry(bytes.geometry);
+  memory.set_acceleration(bytes.acceleration);
+  memory.set_images(bytes.images);
+  memory.set_lights(bytes.lights);
+  report.set_memory_bytes(bytes.total());
+}
+
+}  // namespace
+
 SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   const metrofarm::scene::SceneDescription& d = scene.description();
   SceneReport report;
-  report.set_width(d.film.width);
-  report.set_height(d.film.height);
+  report.set_width(d.film.image_width());
+  report.set_height(d.film.image_height());
   report.set_filter(filter_of(d.film.filter));
   report.set_filter_radius(d.film.filter_radius);
+  report.set_sensor(metrofarm::scene::kind_of(d.sensor.projection));
   report.set_max_depth(d.integrator.max_depth);
   report.set_rr_depth(d.integrator.rr_depth);
   report.set_sample_count(d.integrator.sample_count);
   report.set_integrator(d.integrator.type);
   report.set_triangles(scene.primitives().triangle_count);
   report.set_analytic_shapes(scene.primitives().analytic_kind.size());
-  for (const auto& bsdf : d.bsdfs) ++(*report.mutable_bsdfs())[kind_of(bsdf)];
-  for (const auto& emitter : d.emitters) ++(*report.mutable_emitters())[kind_of(emitter)];
-  report.set_memory_bytes(scene.bytes());
+  count_elements(d, report);
+  list_lights(d, report);
+  fill_memory(scene, report);
   report.set_load_seconds(times.load_seconds);
   report.set_build_seconds(times.build_seconds);
   for (const Error& warning : d.warnings) report.add_warnings(warning.to_string());

@@ -127,6 +127,12 @@ struct Cylinder {
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 };
 
+// Where something is at a time: the file's to_world there. Times grow from key to key.
+struct Keyframe {
+  double time = 0;
+  Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+};
+
 struct Shape {
   std::variant<TriangleMesh, Sphere, Disk, Cylinder> geometry;
   Index bsdf = kNone;          // index into bsdfs; importers fill in the default, so never kNone
@@ -135,6 +141,7 @@ struct Shape {
   std::string id = {};         // as the file names it, for messages; may be empty
   SourceLocation where = {};
   Index group = kNone;  // the shape is part of this group and seen through its instances only
+  std::vector<Keyframe> keys = {};  // of an animated shape; geometry stands at the first
 };
 
 // One placement of a group (groups are numbered from 0 by their shapes).
@@ -142,6 +149,7 @@ struct Instance {
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   Index group = kNone;
   SourceLocation where = {};
+  std::vector<Keyframe> keys = {};  // of an animated instance; to_world is the first
 };
 
 // ---- materials ----
@@ -379,6 +387,9 @@ struct Sensor {
   double aperture_radius = 0;           // thin lens, scene units
   double focus_distance = 1;            // thin lens, along +z
   SourceLocation where = {};
+  std::vector<Keyframe> keys = {};  // of a moving sensor; to_world is the first
+  double shutter_open = 0;          // times of the keys
+  double shutter_close = 0;
 };
 
 enum class ReconstructionFilter { kBox, kTent, kGaussian, kMitchell, kCatmullRom, kLanczos };
@@ -398,6 +409,10 @@ struct Film {
   double filter_stddev = 0.5;  // pixels; gaussian only
   double mitchell_b = 1.0 / 3, mitchell_c = 1.0 / 3;
   SourceLocation where = {};
+
+  // Size of the image to be rendered.
+  int image_width() const { return crop.width > 0 ? crop.width : width; }
+  int image_height() const { return crop.height > 0 ? crop.height : height; }
 };
 
 // What the file asks of the renderer; jobs may override each.

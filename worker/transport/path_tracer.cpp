@@ -50,7 +50,7 @@ struct PathTracer::Vertex {
   bsdf::ShownLobe lobe;
 };
 
-PathTracer::PathTracer(const Scene& scene, const sensor::PerspectiveCamera& camera,
+PathTracer::PathTracer(const Scene& scene, const sensor::Camera& camera,
                        const PathSettings& settings)
     : scene_(scene), camera_(camera), settings_(settings) {
   const bool limited = settings.max_depth >= 0 && settings.max_depth < primary_space::kLongestPath;
@@ -64,11 +64,16 @@ Contribution PathTracer::trace(SampleSource& source, const RasterWindow& window,
   Contribution result;
   result.raster_x = window.x + film.first * window.width;
   result.raster_y = window.y + film.second * window.height;
-  const sensor::CameraRay ray = camera_.ray(result.raster_x, result.raster_y);
+  Vec2 lens{Float(0.5F), Float(0.5F)};
+  if (camera_.has_lens()) {
+    const Pair p = source.pair(primary_space::kLensSlot, lanes);
+    lens = {p.first, p.second};
+  }
+  const sensor::CameraRay ray = camera_.ray(result.raster_x, result.raster_y, lens);
 
   State path{.active = lanes, .origin = ray.origin, .direction = ray.direction};
   for (int depth = 1; depth <= depth_limit_ && any(path.active); ++depth) {
-    const Vertex vertex = meet(path, depth);
+    const Vertex vertex = meet(path, source, depth);
     add_emission(path, vertex, depth);
     if (depth == depth_limit_ || none(path.active)) break;
     add_light_sample(path, vertex, source, depth);
@@ -79,7 +84,7 @@ Contribution PathTracer::trace(SampleSource& source, const RasterWindow& window,
 }
 
 // Follows the rays; lanes that leave the scene see the environment and become inactive.
-PathTracer::Vertex PathTracer::meet(State& path, int depth) {
+PathTracer::Vertex PathTracer::meet(State& path, SampleSource& source, int depth) {
   Vertex v;
   costs_.rays += __builtin_popcount(bits(path.active));
   v.hits = scene_.tracer().intersect(path.active, path.origin, path.direction);
@@ -88,25 +93,38 @@ PathTracer::Vertex PathTracer::meet(State& path, int depth) {
   path.active = v.hits.hit;
   if (none(path.active)) return v;
 
-  const bool tangent = scene_.materials().wants_tangent();
-  v.surface =
-      geometry::surface_at(scene_.primitives(), v.hits, path.origin, path.direction, tangent);
+  v.surface = geometry::surface_at(scene_.primitives(), v.hits, path.origin, path.direction,
+                                   scene_.surface_needs());
   v.frame = frame_around(v.surface.shading_normal);
-  if (tangent) {
+  if (scene_.surface_needs().tangents) {
     // Gram-Schmidt; a tangent along the normal keeps the arbitrary frame.
     const Vec3& n = v.frame.n;
-    const Vec3 s = v.surface.tangent - n * dot(n, v.surface.tangent);
+    const Vec3 s = v.surface.dp_du - n * dot(n, v.surface.dp_du);
     const Mask usable = length_squared(s) > Float(0.F);
     v.frame.s = select(usable, normalize(s), v.frame.s);
     v.frame.t = cross(n, v.frame.s);
   }
+  show(path, v, source, depth);
+  return v;
+}
+
+// Asks the material what it is here, and turns the frame for two-sided ones.
+void PathTracer::show(State& path, Vertex& v, SampleSource& source, int depth) {
+  const bsdf::Materials& materials = scene_.materials();
+  Float choice(0.F);
+  if (materials.wants_choice())
+    choice = source.pair(eye_slot(depth - 1, Decision::kLight), path.active).second;
   v.wo = v.frame.to_local(-path.direction);
+  bsdf::ShadingPoint at{.point = v.surface.point, .dp_du = {}, .dp_dv = {}, .wo = v.wo};
+  if (materials.needs().tangents) {
+    at.dp_du = v.frame.to_local(v.surface.dp_du);
+    at.dp_dv = v.frame.to_local(v.surface.dp_dv);
+  }
   const Int bsdf = gather(scene_.primitives().bsdf_of.data(), v.surface.shape, path.active);
-  v.lobe = scene_.materials().shown(bsdf, v.wo.z > Float(0.F), path.active);
+  v.lobe = materials.show(bsdf, at, choice, path.active);
   const Float turn = select(v.lobe.turned, Float(-1.F), Float(1.F));
   v.frame.n = v.frame.n * turn;
   v.wo.z = v.wo.z * turn;
-  return v;
 }
 
 void PathTracer::accumulate(State& path, const Spectrum& contribution, Mask lanes, Place place,
@@ -134,9 +152,12 @@ Float PathTracer::weight_of_hit(Float pdf_bsdf, Float pdf_light, Mask delta) con
 void PathTracer::add_environment(State& path, Mask missed, int depth) {
   if (!scene_.lights().has_environment()) return;
   if (depth == 1 && settings_.hide_emitters) return;
-  const Float weight =
-      weight_of_hit(path.pdf_solid_angle, scene_.lights().environment_pdf(), path.delta);
-  const Spectrum found = path.throughput * scene_.lights().environment() * weight;
+  const emitter::LightTable& lights = scene_.lights();
+  const Mask sampled = missed & ~path.delta;
+  const Float pdf_light =
+      any(sampled) ? lights.environment_pdf(path.direction, sampled) : Float(0.F);
+  const Float weight = weight_of_hit(path.pdf_solid_angle, pdf_light, path.delta);
+  const Spectrum found = path.throughput * lights.environment(path.direction, missed) * weight;
   accumulate(path, found, missed, Place::kEnvironment, depth);
 }
 
@@ -165,7 +186,8 @@ void PathTracer::add_light_sample(State& path, const Vertex& v, SampleSource& so
   const emitter::LightSample light =
       scene_.lights().sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
   const Vec3 wi = v.frame.to_local(light.direction);
-  const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi);
+  const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi,
+                                                         bsdf::Transport::kRadiance);
   const Mask useful = smooth & light.valid & not_black(e.value);
   if (none(useful)) return;
 
@@ -198,7 +220,8 @@ void PathTracer::scatter(State& path, const Vertex& v, SampleSource& source, int
   const Pair lobe = source.pair(eye_slot(depth - 1, Decision::kLobe), path.active);
   const Pair direction = source.pair(eye_slot(depth - 1, Decision::kDirection), path.active);
   const bsdf::Sample s = scene_.materials().sample(
-      v.lobe, path.active, v.wo, {lobe.first, {direction.first, direction.second}});
+      v.lobe, path.active, v.wo, {lobe.first, {direction.first, direction.second}},
+      bsdf::Transport::kRadiance);
   path.active = path.active & s.valid;
   path.throughput = path.throughput * s.weight;
   path.eta2 = path.eta2 * sqr(s.eta);

@@ -9,7 +9,7 @@
 
 #include "diagnostics/anomalies.h"
 #include "primary_space/sample_source.h"
-#include "sensor/perspective.h"
+#include "sensor/camera.h"
 #include "transport/scene.h"
 
 namespace metrofarm::transport {
@@ -44,8 +44,7 @@ struct PathCosts {
 // One per thread: keeps costs and incidents.
 class PathTracer {
  public:
-  PathTracer(const Scene& scene, const sensor::PerspectiveCamera& camera,
-             const PathSettings& settings);
+  PathTracer(const Scene& scene, const sensor::Camera& camera, const PathSettings& settings);
 
   // Traces the active lanes. Bad contributions are zero and listed in incidents().
   Contribution trace(primary_space::SampleSource& source, const RasterWindow& window, Mask lanes);
@@ -58,7 +57,8 @@ class PathTracer {
   struct State;
   struct Vertex;
 
-  Vertex meet(State& path, int depth);
+  Vertex meet(State& path, primary_space::SampleSource& source, int depth);
+  void show(State& path, Vertex& vertex, primary_space::SampleSource& source, int depth);
   void add_environment(State& path, Mask missed, int depth);
   void add_emission(State& path, const Vertex& vertex, int depth);
   void add_light_sample(State& path, const Vertex& vertex, primary_space::SampleSource& source,
@@ -70,7 +70,7 @@ class PathTracer {
   Float weight_of_hit(Float pdf_bsdf, Float pdf_light, Mask delta) const;
 
   const Scene& scene_;
-  const sensor::PerspectiveCamera& camera_;
+  const sensor::Camera& camera_;
   PathSettings settings_;
   int depth_limit_;
   PathCosts costs_;

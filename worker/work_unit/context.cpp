@@ -36,7 +36,7 @@ std::string problem_with(const Spec& spec) {
 Context::Context(const transport::Scene& scene, const Spec& spec)
     : scene_(scene),
       spec_(spec),
-      camera_(scene.description().sensor, spec.width, spec.height),
+      camera_(scene.description().sensor, scene.description().film, spec.width, spec.height),
       filter_(scene.description().film),
       cells_x_(spec.width + 2 * filter_.border()),
       cells_y_(spec.height + 2 * filter_.border()) {}

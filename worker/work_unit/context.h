@@ -45,7 +45,7 @@ class Context {
 
   const transport::Scene& scene() const { return scene_; }
   const Spec& spec() const { return spec_; }
-  const sensor::PerspectiveCamera& camera() const { return camera_; }
+  const sensor::Camera& camera() const { return camera_; }
   const film::Filter& filter() const { return filter_; }
   film::FilmShape film_shape() const;
 
@@ -61,7 +61,7 @@ class Context {
  private:
   const transport::Scene& scene_;
   Spec spec_;
-  sensor::PerspectiveCamera camera_;
+  sensor::Camera camera_;
   film::Filter filter_;
   int cells_x_, cells_y_;
 };

@@ -61,6 +61,13 @@ func (s *server) registerDetails(api huma.API) {
 		Tags: []string{"details"}, Summary: "What was decided, and why",
 	}, s.plan)
 	huma.Register(api, huma.Operation{
+		OperationID: "get-scene-report", Method: http.MethodGet, Path: "/v1/jobs/{id}/scene",
+		Tags: []string{"details"}, Summary: "What is in the job's scene",
+		Description: "Shapes, materials, lights, memory and warnings, as a worker found them: " +
+			"metrofarm.scene.v1.SceneReport. A job with inspect_only ends with it.",
+		Responses: map[string]*huma.Response{"200": {Description: "The report", Content: map[string]*huma.MediaType{"application/json": {}}}},
+	}, s.sceneReport)
+	huma.Register(api, huma.Operation{
 		OperationID: "get-anomalies", Method: http.MethodGet, Path: "/v1/jobs/{id}/anomalies",
 		Tags: []string{"details"}, Summary: "Contributions that were not numbers, infinite or negative",
 	}, s.anomalies)
@@ -157,6 +164,14 @@ func (s *server) log(ctx context.Context, input *JobPath) (*rawOutput, error) {
 		}
 	}
 	return &rawOutput{ContentType: "text/plain; charset=utf-8", Body: buffer.Bytes()}, nil
+}
+
+func (s *server) sceneReport(ctx context.Context, input *JobPath) (*rawOutput, error) {
+	report, err := s.Service.SceneReport(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	return &rawOutput{ContentType: "application/json", Body: []byte(report)}, nil
 }
 
 // pastEvents returns the events so far.

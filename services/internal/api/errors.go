@@ -39,7 +39,7 @@ func statusOf(err error) int {
 	switch {
 	case errors.Is(err, job.ErrNotFound):
 		return http.StatusNotFound
-	case errors.Is(err, job.ErrConflict), errors.Is(err, job.ErrNoImage):
+	case errors.Is(err, job.ErrConflict), errors.Is(err, job.ErrNoImage), errors.Is(err, job.ErrNoReport):
 		return http.StatusConflict
 	case errors.Is(err, bundle.ErrTooLarge):
 		return http.StatusRequestEntityTooLarge

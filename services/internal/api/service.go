@@ -29,6 +29,9 @@ type Service interface {
 	Finish(ctx context.Context, id string) (job.Snapshot, error)
 	// Convergence returns one point per complete round.
 	Convergence(ctx context.Context, id string) ([]job.ConvergencePoint, error)
+	// SceneReport returns what a worker found in the job's scene (metrofarm.scene.v1.SceneReport in
+	// protobuf JSON); job.ErrNoReport before one has looked.
+	SceneReport(ctx context.Context, id string) (string, error)
 	// Image develops the complete rounds so far; job.ErrNoImage before the first.
 	Image(ctx context.Context, id string) (job.Image, error)
 	// Events returns the events with a sequence above after and a channel of those that follow,

@@ -8,6 +8,7 @@ import (
 	"fmt"
 	"io"
 	"path"
+	"slices"
 	"strings"
 
 	"metrofarm/services/internal/blob"
@@ -90,8 +91,10 @@ func (l *Library) Scene(digest string) (Scene, error) {
 	return Scene{Digest: digest, Entries: Entries(files), Files: files}, nil
 }
 
-// Entries lists the files of a bundle that may be its scene file: those named *.xml, the ones
-// nearest to the root first.
+var sceneExtensions = []string{".xml", ".pbrt"}
+
+// Entries lists the files of a bundle that may be its scene file: those of a format that workers
+// read, nearest to the root first.
 func Entries(files []blob.File) []string {
 	entries := []string{}
 	deepest := 0
@@ -100,7 +103,7 @@ func Entries(files []blob.File) []string {
 	}
 	for level := range deepest + 1 {
 		for _, file := range files {
-			if depth(file.Path) == level && strings.EqualFold(path.Ext(file.Path), ".xml") {
+			if depth(file.Path) == level && slices.Contains(sceneExtensions, strings.ToLower(path.Ext(file.Path))) {
 				entries = append(entries, file.Path)
 			}
 		}

@@ -55,24 +55,39 @@ func (e *SceneError) Error() string { return e.Message }
 // Files lists all files that a scene consists of, the scene file included, as absolute paths.
 // sets are NAME=VALUE overrides of the scene's <default> values.
 func Files(ctx context.Context, program, scene string, sets []string, lenient bool) ([]string, error) {
-	arguments := []string{"files", scene}
+	output, err := look(ctx, program, "files", scene, sets, lenient)
+	if err != nil {
+		return nil, err
+	}
+	return lines(string(output)), nil
+}
+
+// Inspect asks the worker program what is in a scene: metrofarm.scene.v1.SceneReport in protobuf
+// JSON. A fault of the scene is a *SceneError.
+func Inspect(ctx context.Context, program, scene string, sets []string, lenient bool) ([]byte, error) {
+	return look(ctx, program, "inspect", scene, sets, lenient)
+}
+
+// look runs one of the worker's commands that only read a scene.
+func look(ctx context.Context, program, command, scene string, sets []string, lenient bool) ([]byte, error) {
+	arguments := []string{command, scene}
 	for _, set := range sets {
 		arguments = append(arguments, "--set", set)
 	}
 	if lenient {
 		arguments = append(arguments, "--lenient")
 	}
-	command := exec.CommandContext(ctx, program, arguments...)
+	run := exec.CommandContext(ctx, program, arguments...)
 	var stdout, stderr bytes.Buffer
-	command.Stdout, command.Stderr = &stdout, &stderr
-	if err := command.Run(); err != nil {
+	run.Stdout, run.Stderr = &stdout, &stderr
+	if err := run.Run(); err != nil {
 		var exit *exec.ExitError
 		if message := strings.TrimSpace(stderr.String()); errors.As(err, &exit) && message != "" && ctx.Err() == nil {
 			return nil, &SceneError{withoutPrefix(message)}
 		}
-		return nil, fmt.Errorf("listing the files of %s: %w", scene, err)
+		return nil, fmt.Errorf("looking at %s: %w", scene, err)
 	}
-	return lines(stdout.String()), nil
+	return stdout.Bytes(), nil
 }
 
 // withoutPrefix drops the program's name, since the message will stand behind ours.

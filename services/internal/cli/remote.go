@@ -116,6 +116,9 @@ func showJob(ctx context.Context, env Env, arguments []string) error {
 	if s.Error != "" {
 		fmt.Fprintln(env.Stdout, "error:", s.Error)
 	}
+	if s.PauseReason != "" {
+		fmt.Fprintln(env.Stdout, "paused:", s.PauseReason)
+	}
 	if s.StopReason != "" {
 		fmt.Fprintln(env.Stdout, "stopped:", s.StopReason)
 	}
@@ -167,6 +170,11 @@ func listWorkers(ctx context.Context, env Env, arguments []string) error {
 	}
 	if r.json {
 		return writeJSON(env.Stdout, workers)
+	}
+	for _, k := range workers {
+		if k.Exclusion != "" {
+			defer fmt.Fprintf(env.Stdout, "%s is excluded: %s\n", k.Name, k.Exclusion)
+		}
 	}
 	return table(env.Stdout, "ID\tNAME\tSTATE\tTHREADS\tSEGMENTS\tMUTATIONS/S\tLAST CONTACT\tVERSION", func(w io.Writer) {
 		for _, k := range workers {

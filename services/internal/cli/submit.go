@@ -31,6 +31,7 @@ func (s *submitFlags) register(f *flags) {
 	f.StringVar(&s.out, "o", "", "wait, then write the image to `OUT.exr`")
 	f.BoolVar(&s.half, "half", false, "store 16-bit floats")
 	f.BoolVar(&s.wait, "wait", false, "wait until the job has ended")
+	f.BoolVar(&s.request.InspectOnly, "inspect-only", false, "have a worker look at the scene; render nothing")
 	f.StringVar(&s.entry, "entry", "", "`PATH` of the scene file in a bundle that has several")
 	f.StringVar(&s.key, "idempotency-key", "", "`KEY` that makes repeating this command safe")
 }
@@ -45,6 +46,9 @@ func submit(ctx context.Context, env Env, arguments []string) error {
 	}
 	if err := errors.Join(checkOutputs(s.out), s.finish()); err != nil {
 		return err
+	}
+	if s.request.InspectOnly && s.out != "" {
+		return usagef("submit: --inspect-only makes no image for -o")
 	}
 	c, err := s.connect()
 	if err != nil {

@@ -4,6 +4,7 @@ import (
 	"fmt"
 	"math"
 
+	"google.golang.org/protobuf/encoding/protojson"
 	"google.golang.org/protobuf/proto"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
@@ -31,6 +32,11 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 		r.fail(err.Error())
 		return nil
 	}
+	text, err := protojson.MarshalOptions{UseProtoNames: true, EmitDefaultValues: true}.Marshal(report)
+	if err != nil {
+		return fmt.Errorf("coordinator: report: %w", err)
+	}
+	r.rec.SceneReport = string(text)
 	encoded, err := proto.Marshal(report)
 	if err != nil {
 		return fmt.Errorf("coordinator: report: %w", err)
@@ -43,6 +49,10 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 	}
 	for _, text := range append(report.GetWarnings(), warnings...) {
 		r.warn(text)
+	}
+	if r.rec.Request.InspectOnly {
+		r.end(job.Done, "the scene was only to be inspected")
+		return nil
 	}
 	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PATH && spec.GetUnit() > 0 {
 		r.startRendering([film.Halves]tally.Sums{}, nil)

@@ -258,6 +258,20 @@ func (c *Coordinator) Convergence(_ context.Context, id string) ([]job.Convergen
 	return slices.Clone(r.state.Points), nil
 }
 
+// SceneReport implements api.Service.
+func (c *Coordinator) SceneReport(_ context.Context, id string) (string, error) {
+	r, err := c.find(id)
+	if err != nil {
+		return "", err
+	}
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.rec.SceneReport == "" {
+		return "", fmt.Errorf("job %s: %w", id, job.ErrNoReport)
+	}
+	return r.rec.SceneReport, nil
+}
+
 // Events implements api.Service.
 func (c *Coordinator) Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error) {
 	r, err := c.find(id)

@@ -56,6 +56,20 @@ func (f *Farm) Convergence(_ context.Context, id string) ([]job.ConvergencePoint
 	return slices.Clone(r.points), nil
 }
 
+// SceneReport returns an empty report for a job that has left the queue.
+func (f *Farm) SceneReport(_ context.Context, id string) (string, error) {
+	f.mutex.Lock()
+	defer f.mutex.Unlock()
+	r, err := f.find(id)
+	if err != nil {
+		return "", err
+	}
+	if r.snapshot.State == job.Queued {
+		return "", fmt.Errorf("job %s: %w", id, job.ErrNoReport)
+	}
+	return "{}", nil
+}
+
 // Image returns the image of the last complete round.
 func (f *Farm) Image(_ context.Context, id string) (job.Image, error) {
 	f.mutex.Lock()

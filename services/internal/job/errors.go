@@ -8,6 +8,8 @@ var (
 	ErrNotFound = errors.New("not found")
 	// ErrConflict: the object's state does not allow this (a finished job, a reused key).
 	ErrConflict = errors.New("conflict")
+	// ErrNoReport: no worker has looked at the scene yet.
+	ErrNoReport = errors.New("no worker has looked at the scene yet")
 	// ErrNoImage: no round is complete yet.
 	ErrNoImage = errors.New("no round is complete yet")
 	// ErrInvalid: the request is wrong; see FieldError for where.

@@ -6,11 +6,12 @@ import (
 )
 
 // transitions of the state machine. A repeated path job has its film unit already and goes from
-// Inspecting to Rendering; a scene without light is Done after Bootstrapping. A restarted
+// Inspecting to Rendering; a scene without light is Done after Bootstrapping, a job that only
+// inspects after Inspecting. A restarted
 // coordinator puts a job that has no checkpoint back to Queued, which is no transition of its life.
 var transitions = map[State][]State{
 	Queued:        {Inspecting, Failed, Canceled},
-	Inspecting:    {Bootstrapping, Rendering, Failed, Canceled},
+	Inspecting:    {Bootstrapping, Rendering, Done, Failed, Canceled},
 	Bootstrapping: {Rendering, Done, Failed, Canceled},
 	Rendering:     {Done, Failed, Canceled},
 }

@@ -39,6 +39,8 @@ type Request struct {
 	Defaults map[string]string `json:"defaults,omitempty"`
 	// Lenient turns what the importer does not know into warnings.
 	Lenient bool `json:"lenient,omitempty"`
+	// InspectOnly ends the job when a worker has looked at the scene: nothing is rendered.
+	InspectOnly bool `json:"inspect_only,omitempty"`
 	// Integrator is auto, path or pssmlt.
 	Integrator string `json:"integrator,omitempty"`
 	// LightSampling is mis, emitter or bsdf.

@@ -37,6 +37,8 @@ type Record struct {
 	StartedAt   *time.Time  `json:"started_at,omitempty"`
 	EndedAt     *time.Time  `json:"ended_at,omitempty"`
 
+	// SceneReport is what a worker found in the scene, in protobuf JSON; empty before.
+	SceneReport string `json:"scene_report,omitempty"`
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`
 	// Checkpoint names the blob to resume from; empty before the first.

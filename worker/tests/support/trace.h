@@ -24,7 +24,7 @@ inline Traced trace_paths(scene::SceneDescription description,
                           int grid = 1) {
   const FlushDenormals flush;
   const transport::Scene scene(std::move(description), "avx2");
-  const sensor::PerspectiveCamera camera(scene.description().sensor, grid, grid);
+  const sensor::Camera camera(scene.description().sensor, scene.description().film, grid, grid);
   transport::PathTracer tracer(scene, camera, settings);
   primary_space::IndependentSource source(rng_key(seed, RngDomain::kTest));
   const Float zero(0.F), size(static_cast<float>(grid));

@@ -70,7 +70,7 @@ TEST(PathTracer, ACleanSceneReportsNothing) {
 TEST(PathTracer, MaskedLanesChangeNothing) {
   const FlushDenormals flush;
   const Scene scene(test::room(), "avx2");
-  const sensor::PerspectiveCamera camera(scene.description().sensor, 8, 8);
+  const sensor::Camera camera(scene.description().sensor, scene.description().film, 8, 8);
   PathTracer tracer(scene, camera, {});
   primary_space::IndependentSource source(rng_key(3, RngDomain::kTest));
   const RasterWindow window{Float(0.F), Float(0.F), Float(8.F), Float(8.F)};
@@ -97,7 +97,7 @@ TEST(PathTracer, ReadsOnlyWhatAPathNeeds) {
   test::SceneBuilder b;
   b.emitter(scene::ConstantEmitter{{1, 1, 1}});
   const Scene scene(b.take(), "avx2");
-  const sensor::PerspectiveCamera camera(scene.description().sensor, 8, 8);
+  const sensor::Camera camera(scene.description().sensor, scene.description().film, 8, 8);
   PathTracer tracer(scene, camera, {});
   primary_space::IndependentSource source(rng_key(3, RngDomain::kTest));
   source.begin(0);

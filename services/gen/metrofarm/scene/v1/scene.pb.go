@@ -35,6 +35,12 @@ const (
 	Filter_FILTER_TENT Filter = 2
 	// Truncated Gaussian, shifted to reach zero at its radius.
 	Filter_FILTER_GAUSSIAN Filter = 3
+	// Mitchell and Netravali's cubic.
+	Filter_FILTER_MITCHELL Filter = 4
+	// Catmull-Rom spline.
+	Filter_FILTER_CATMULL_ROM Filter = 5
+	// Windowed sinc.
+	Filter_FILTER_LANCZOS Filter = 6
 )
 
 // Enum value maps for Filter.
@@ -44,12 +50,18 @@ var (
 		1: "FILTER_BOX",
 		2: "FILTER_TENT",
 		3: "FILTER_GAUSSIAN",
+		4: "FILTER_MITCHELL",
+		5: "FILTER_CATMULL_ROM",
+		6: "FILTER_LANCZOS",
 	}
 	Filter_value = map[string]int32{
 		"FILTER_UNSPECIFIED": 0,
 		"FILTER_BOX":         1,
 		"FILTER_TENT":        2,
 		"FILTER_GAUSSIAN":    3,
+		"FILTER_MITCHELL":    4,
+		"FILTER_CATMULL_ROM": 5,
+		"FILTER_LANCZOS":     6,
 	}
 )
 
@@ -266,6 +278,134 @@ func (x *SceneRef) GetLenient() bool {
 	return false
 }
 
+// One light of a scene.
+type Light struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Kind, for example "area" or "envmap".
+	Kind string `protobuf:"bytes,1,opt,name=kind,proto3" json:"kind,omitempty"`
+	// Where the scene's files have it, "file:line"; empty if not known.
+	Place         string `protobuf:"bytes,2,opt,name=place,proto3" json:"place,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *Light) Reset() {
+	*x = Light{}
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[3]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *Light) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*Light) ProtoMessage() {}
+
+func (x *Light) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[3]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use Light.ProtoReflect.Descriptor instead.
+func (*Light) Descriptor() ([]byte, []int) {
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{3}
+}
+
+func (x *Light) GetKind() string {
+	if x != nil {
+		return x.Kind
+	}
+	return ""
+}
+
+func (x *Light) GetPlace() string {
+	if x != nil {
+		return x.Place
+	}
+	return ""
+}
+
+// Bytes of memory by what they are for.
+type MemoryUse struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Vertices, indices and shapes.
+	Geometry uint64 `protobuf:"varint,1,opt,name=geometry,proto3" json:"geometry,omitempty"`
+	// Acceleration structure.
+	Acceleration uint64 `protobuf:"varint,2,opt,name=acceleration,proto3" json:"acceleration,omitempty"`
+	// Textures and environment maps.
+	Images uint64 `protobuf:"varint,3,opt,name=images,proto3" json:"images,omitempty"`
+	// Tables for sampling lights.
+	Lights        uint64 `protobuf:"varint,4,opt,name=lights,proto3" json:"lights,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *MemoryUse) Reset() {
+	*x = MemoryUse{}
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *MemoryUse) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*MemoryUse) ProtoMessage() {}
+
+func (x *MemoryUse) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use MemoryUse.ProtoReflect.Descriptor instead.
+func (*MemoryUse) Descriptor() ([]byte, []int) {
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *MemoryUse) GetGeometry() uint64 {
+	if x != nil {
+		return x.Geometry
+	}
+	return 0
+}
+
+func (x *MemoryUse) GetAcceleration() uint64 {
+	if x != nil {
+		return x.Acceleration
+	}
+	return 0
+}
+
+func (x *MemoryUse) GetImages() uint64 {
+	if x != nil {
+		return x.Images
+	}
+	return 0
+}
+
+func (x *MemoryUse) GetLights() uint64 {
+	if x != nil {
+		return x.Lights
+	}
+	return 0
+}
+
 // What a worker found on loading a scene.
 type SceneReport struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -287,27 +427,39 @@ type SceneReport struct {
 	Integrator string `protobuf:"bytes,8,opt,name=integrator,proto3" json:"integrator,omitempty"`
 	// Triangles, counted once per mesh.
 	Triangles uint64 `protobuf:"varint,9,opt,name=triangles,proto3" json:"triangles,omitempty"`
-	// Analytic shapes (spheres, disks).
+	// Analytic shapes (spheres, disks, cylinders).
 	AnalyticShapes uint64 `protobuf:"varint,10,opt,name=analytic_shapes,json=analyticShapes,proto3" json:"analytic_shapes,omitempty"`
 	// Number of materials by kind, for example "diffuse": 4.
 	Bsdfs map[string]uint32 `protobuf:"bytes,11,rep,name=bsdfs,proto3" json:"bsdfs,omitempty" protobuf_key:"bytes,1,opt,name=key" protobuf_val:"varint,2,opt,name=value"`
 	// Number of emitters by kind, for example "area": 1.
 	Emitters map[string]uint32 `protobuf:"bytes,12,rep,name=emitters,proto3" json:"emitters,omitempty" protobuf_key:"bytes,1,opt,name=key" protobuf_val:"varint,2,opt,name=value"`
-	// Bytes held by geometry and acceleration structure.
+	// Bytes held by the scene: the sum of `memory`.
 	MemoryBytes uint64 `protobuf:"varint,13,opt,name=memory_bytes,json=memoryBytes,proto3" json:"memory_bytes,omitempty"`
 	// Seconds for reading files.
 	LoadSeconds float64 `protobuf:"fixed64,14,opt,name=load_seconds,json=loadSeconds,proto3" json:"load_seconds,omitempty"`
 	// Seconds for building the acceleration structure and light tables.
 	BuildSeconds float64 `protobuf:"fixed64,15,opt,name=build_seconds,json=buildSeconds,proto3" json:"build_seconds,omitempty"`
 	// What was accepted but may surprise, each with file and line.
-	Warnings      []string `protobuf:"bytes,16,rep,name=warnings,proto3" json:"warnings,omitempty"`
+	Warnings []string `protobuf:"bytes,16,rep,name=warnings,proto3" json:"warnings,omitempty"`
+	// Kind of the sensor, for example "thinlens".
+	Sensor string `protobuf:"bytes,17,opt,name=sensor,proto3" json:"sensor,omitempty"`
+	// Number of shapes by kind, for example "mesh": 12; those of groups count once.
+	Shapes map[string]uint32 `protobuf:"bytes,18,rep,name=shapes,proto3" json:"shapes,omitempty" protobuf_key:"bytes,1,opt,name=key" protobuf_val:"varint,2,opt,name=value"`
+	// Number of textures by kind, for example "bitmap": 3.
+	Textures map[string]uint32 `protobuf:"bytes,19,rep,name=textures,proto3" json:"textures,omitempty" protobuf_key:"bytes,1,opt,name=key" protobuf_val:"varint,2,opt,name=value"`
+	// Placements of shape groups.
+	Instances uint32 `protobuf:"varint,20,opt,name=instances,proto3" json:"instances,omitempty"`
+	// The lights, one for each shape that shines; at most the first 1000.
+	Lights []*Light `protobuf:"bytes,21,rep,name=lights,proto3" json:"lights,omitempty"`
+	// What the scene takes in memory.
+	Memory        *MemoryUse `protobuf:"bytes,22,opt,name=memory,proto3" json:"memory,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
 func (x *SceneReport) Reset() {
 	*x = SceneReport{}
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[3]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -319,7 +471,7 @@ func (x *SceneReport) String() string {
 func (*SceneReport) ProtoMessage() {}
 
 func (x *SceneReport) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[3]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -332,7 +484,7 @@ func (x *SceneReport) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SceneReport.ProtoReflect.Descriptor instead.
 func (*SceneReport) Descriptor() ([]byte, []int) {
-	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{3}
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *SceneReport) GetWidth() uint32 {
@@ -447,6 +599,48 @@ func (x *SceneReport) GetWarnings() []string {
 	return nil
 }
 
+func (x *SceneReport) GetSensor() string {
+	if x != nil {
+		return x.Sensor
+	}
+	return ""
+}
+
+func (x *SceneReport) GetShapes() map[string]uint32 {
+	if x != nil {
+		return x.Shapes
+	}
+	return nil
+}
+
+func (x *SceneReport) GetTextures() map[string]uint32 {
+	if x != nil {
+		return x.Textures
+	}
+	return nil
+}
+
+func (x *SceneReport) GetInstances() uint32 {
+	if x != nil {
+		return x.Instances
+	}
+	return 0
+}
+
+func (x *SceneReport) GetLights() []*Light {
+	if x != nil {
+		return x.Lights
+	}
+	return nil
+}
+
+func (x *SceneReport) GetMemory() *MemoryUse {
+	if x != nil {
+		return x.Memory
+	}
+	return nil
+}
+
 var File_metrofarm_scene_v1_scene_proto protoreflect.FileDescriptor
 
 const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
@@ -466,7 +660,15 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\alenient\x18\x04 \x01(\bR\alenient\x1a;\n" +
 	"\rDefaultsEntry\x12\x10\n" +
 	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
-	"\x05value\x18\x02 \x01(\tR\x05value:\x028\x01\"\xe1\x05\n" +
+	"\x05value\x18\x02 \x01(\tR\x05value:\x028\x01\"1\n" +
+	"\x05Light\x12\x12\n" +
+	"\x04kind\x18\x01 \x01(\tR\x04kind\x12\x14\n" +
+	"\x05place\x18\x02 \x01(\tR\x05place\"{\n" +
+	"\tMemoryUse\x12\x1a\n" +
+	"\bgeometry\x18\x01 \x01(\x04R\bgeometry\x12\"\n" +
+	"\facceleration\x18\x02 \x01(\x04R\facceleration\x12\x16\n" +
+	"\x06images\x18\x03 \x01(\x04R\x06images\x12\x16\n" +
+	"\x06lights\x18\x04 \x01(\x04R\x06lights\"\x89\t\n" +
 	"\vSceneReport\x12\x14\n" +
 	"\x05width\x18\x01 \x01(\rR\x05width\x12\x16\n" +
 	"\x06height\x18\x02 \x01(\rR\x06height\x122\n" +
@@ -486,20 +688,35 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\fmemory_bytes\x18\r \x01(\x04R\vmemoryBytes\x12!\n" +
 	"\fload_seconds\x18\x0e \x01(\x01R\vloadSeconds\x12#\n" +
 	"\rbuild_seconds\x18\x0f \x01(\x01R\fbuildSeconds\x12\x1a\n" +
-	"\bwarnings\x18\x10 \x03(\tR\bwarnings\x1a8\n" +
+	"\bwarnings\x18\x10 \x03(\tR\bwarnings\x12\x16\n" +
+	"\x06sensor\x18\x11 \x01(\tR\x06sensor\x12C\n" +
+	"\x06shapes\x18\x12 \x03(\v2+.metrofarm.scene.v1.SceneReport.ShapesEntryR\x06shapes\x12I\n" +
+	"\btextures\x18\x13 \x03(\v2-.metrofarm.scene.v1.SceneReport.TexturesEntryR\btextures\x12\x1c\n" +
+	"\tinstances\x18\x14 \x01(\rR\tinstances\x121\n" +
+	"\x06lights\x18\x15 \x03(\v2\x19.metrofarm.scene.v1.LightR\x06lights\x125\n" +
+	"\x06memory\x18\x16 \x01(\v2\x1d.metrofarm.scene.v1.MemoryUseR\x06memory\x1a8\n" +
 	"\n" +
 	"BsdfsEntry\x12\x10\n" +
 	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
 	"\x05value\x18\x02 \x01(\rR\x05value:\x028\x01\x1a;\n" +
 	"\rEmittersEntry\x12\x10\n" +
 	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
-	"\x05value\x18\x02 \x01(\rR\x05value:\x028\x01*V\n" +
+	"\x05value\x18\x02 \x01(\rR\x05value:\x028\x01\x1a9\n" +
+	"\vShapesEntry\x12\x10\n" +
+	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
+	"\x05value\x18\x02 \x01(\rR\x05value:\x028\x01\x1a;\n" +
+	"\rTexturesEntry\x12\x10\n" +
+	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
+	"\x05value\x18\x02 \x01(\rR\x05value:\x028\x01*\x97\x01\n" +
 	"\x06Filter\x12\x16\n" +
 	"\x12FILTER_UNSPECIFIED\x10\x00\x12\x0e\n" +
 	"\n" +
 	"FILTER_BOX\x10\x01\x12\x0f\n" +
 	"\vFILTER_TENT\x10\x02\x12\x13\n" +
-	"\x0fFILTER_GAUSSIAN\x10\x03B3Z1metrofarm/services/gen/metrofarm/scene/v1;scenev1b\x06proto3"
+	"\x0fFILTER_GAUSSIAN\x10\x03\x12\x13\n" +
+	"\x0fFILTER_MITCHELL\x10\x04\x12\x16\n" +
+	"\x12FILTER_CATMULL_ROM\x10\x05\x12\x12\n" +
+	"\x0eFILTER_LANCZOS\x10\x06B3Z1metrofarm/services/gen/metrofarm/scene/v1;scenev1b\x06proto3"
 
 var (
 	file_metrofarm_scene_v1_scene_proto_rawDescOnce sync.Once
@@ -514,28 +731,36 @@ func file_metrofarm_scene_v1_scene_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_scene_v1_scene_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 7)
+var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 11)
 var file_metrofarm_scene_v1_scene_proto_goTypes = []any{
 	(Filter)(0),            // 0: metrofarm.scene.v1.Filter
 	(*BundleFile)(nil),     // 1: metrofarm.scene.v1.BundleFile
 	(*BundleManifest)(nil), // 2: metrofarm.scene.v1.BundleManifest
 	(*SceneRef)(nil),       // 3: metrofarm.scene.v1.SceneRef
-	(*SceneReport)(nil),    // 4: metrofarm.scene.v1.SceneReport
-	nil,                    // 5: metrofarm.scene.v1.SceneRef.DefaultsEntry
-	nil,                    // 6: metrofarm.scene.v1.SceneReport.BsdfsEntry
-	nil,                    // 7: metrofarm.scene.v1.SceneReport.EmittersEntry
+	(*Light)(nil),          // 4: metrofarm.scene.v1.Light
+	(*MemoryUse)(nil),      // 5: metrofarm.scene.v1.MemoryUse
+	(*SceneReport)(nil),    // 6: metrofarm.scene.v1.SceneReport
+	nil,                    // 7: metrofarm.scene.v1.SceneRef.DefaultsEntry
+	nil,                    // 8: metrofarm.scene.v1.SceneReport.BsdfsEntry
+	nil,                    // 9: metrofarm.scene.v1.SceneReport.EmittersEntry
+	nil,                    // 10: metrofarm.scene.v1.SceneReport.ShapesEntry
+	nil,                    // 11: metrofarm.scene.v1.SceneReport.TexturesEntry
 }
 var file_metrofarm_scene_v1_scene_proto_depIdxs = []int32{
-	1, // 0: metrofarm.scene.v1.BundleManifest.files:type_name -> metrofarm.scene.v1.BundleFile
-	5, // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
-	0, // 2: metrofarm.scene.v1.SceneReport.filter:type_name -> metrofarm.scene.v1.Filter
-	6, // 3: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
-	7, // 4: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
-	5, // [5:5] is the sub-list for method output_type
-	5, // [5:5] is the sub-list for method input_type
-	5, // [5:5] is the sub-list for extension type_name
-	5, // [5:5] is the sub-list for extension extendee
-	0, // [0:5] is the sub-list for field type_name
+	1,  // 0: metrofarm.scene.v1.BundleManifest.files:type_name -> metrofarm.scene.v1.BundleFile
+	7,  // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
+	0,  // 2: metrofarm.scene.v1.SceneReport.filter:type_name -> metrofarm.scene.v1.Filter
+	8,  // 3: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
+	9,  // 4: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
+	10, // 5: metrofarm.scene.v1.SceneReport.shapes:type_name -> metrofarm.scene.v1.SceneReport.ShapesEntry
+	11, // 6: metrofarm.scene.v1.SceneReport.textures:type_name -> metrofarm.scene.v1.SceneReport.TexturesEntry
+	4,  // 7: metrofarm.scene.v1.SceneReport.lights:type_name -> metrofarm.scene.v1.Light
+	5,  // 8: metrofarm.scene.v1.SceneReport.memory:type_name -> metrofarm.scene.v1.MemoryUse
+	9,  // [9:9] is the sub-list for method output_type
+	9,  // [9:9] is the sub-list for method input_type
+	9,  // [9:9] is the sub-list for extension type_name
+	9,  // [9:9] is the sub-list for extension extendee
+	0,  // [0:9] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_scene_v1_scene_proto_init() }
@@ -549,7 +774,7 @@ func file_metrofarm_scene_v1_scene_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_scene_v1_scene_proto_rawDesc), len(file_metrofarm_scene_v1_scene_proto_rawDesc)),
 			NumEnums:      1,
-			NumMessages:   7,
+			NumMessages:   11,
 			NumExtensions: 0,
 			NumServices:   0,
 		},
