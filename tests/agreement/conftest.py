@@ -1,15 +1,29 @@
-"""The long form and a cache of replicas, which several tests look at."""
+"""The long form, a cache of replicas that several tests look at, and a table of figures."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from figures import HEADINGS, ROWS
 from replicas import Settings, render_all
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="all scenes, many samples: hours")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[ROWS] = []
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    if config.stash[ROWS]:
+        terminalreporter.section("figures")
+        terminalreporter.write_line(HEADINGS)
+        terminalreporter.write_line("\n".join(config.stash[ROWS]))
 
 
 @pytest.fixture(scope="session")

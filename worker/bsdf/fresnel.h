@@ -43,4 +43,12 @@ inline DielectricInterface fresnel_dielectric(Float cos_theta, Float eta) {
   return {select(sin2_t < Float(1.F), partial, Float(1.F)), cos_t};
 }
 
+// Reflectance of a smooth boundary for diffuse light, eta as above: the fits of Egan and Hilgeman
+// 1973 (eta < 1) and d'Eon and Irving 2011 (eta >= 1), which are Mitsuba's.
+inline double diffuse_fresnel_reflectance(double eta) {
+  const double i = 1 / eta;
+  if (eta < 1) return -1.4399 * eta * eta + 0.7099 * eta + 0.6681 + 0.0636 * i;
+  return 0.919317 + i * (-3.4793 + i * (6.75335 + i * (-7.80989 + i * (4.98554 - 1.36881 * i))));
+}
+
 }  // namespace metrofarm::bsdf

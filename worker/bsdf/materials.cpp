@@ -1,35 +1,9 @@
 #include "bsdf/materials.h"
 
-#include "base/check.h"
+#include <algorithm>
 
 namespace metrofarm::bsdf {
 namespace {
-
-enum LobeKind : int32_t {
-  kDiffuse,
-  kConductor,
-  kRoughConductorBeckmann,
-  kRoughConductorGgx,
-  kDielectric,
-  kLobeKinds
-};
-
-constexpr uint32_t kDeltaKinds = (1U << kConductor) | (1U << kDielectric);
-
-// Calls visit(model, lanes) for each kind in `kinds` that some lane of `lanes` shows.
-template <class Visit>
-void for_each_kind(uint32_t kinds, Int kind, Mask lanes, Visit&& visit) {
-  const auto run = [&]<class Model>(LobeKind k, Model model) {
-    if ((kinds >> k & 1U) == 0) return;
-    const Mask here = lanes & equal(kind, Int(k));
-    if (any(here)) visit(model, here);
-  };
-  run(kDiffuse, DiffuseLobe{});
-  run(kConductor, ConductorLobe{});
-  run(kRoughConductorBeckmann, RoughConductorLobe<Beckmann>{});
-  run(kRoughConductorGgx, RoughConductorLobe<Ggx>{});
-  run(kDielectric, DielectricLobe{});
-}
 
 void merge(Evaluation& into, const Evaluation& from, Mask lanes) {
   into.value = select(lanes, from.value, into.value);
@@ -45,83 +19,175 @@ void merge(Sample& into, const Sample& from, Mask lanes) {
   into.delta = into.delta | (from.delta & lanes);
 }
 
+// The shadow that a bumped surface casts on itself, for light from wi (outside the bent frame):
+// Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator
+// Problem", eq. 3.
+Float bump_shadow(const Vec3& n, const Vec3& wi) {
+  const auto tan2 = [](const Vec3& v) { return (sqr(v.x) + sqr(v.y)) / sqr(v.z); };
+  const Float alpha2 = xsimd::min(Float(0.125F) * tan2(n), Float(1.F));
+  return Float(2.F) / (Float(1.F) + xsimd::sqrt(Float(1.F) + alpha2 * tan2(wi)));
+}
+
+bool differ(const scene::Scalar& a, const scene::Scalar& b) {
+  return a.value != b.value || a.texture != b.texture;
+}
+
+bool is_anisotropic(const scene::Bsdf& bsdf) {
+  return std::visit(
+      []<class Model>(const Model& m) {
+        if constexpr (requires { m.alpha_u; }) {
+          return differ(m.alpha_u, m.alpha_v);
+        } else if constexpr (requires { m.anisotropic; }) {
+          return m.anisotropic.value != 0;
+        } else {
+          return false;
+        }
+      },
+      bsdf.model);
+}
+
 }  // namespace
 
-Materials::Materials(const std::vector<scene::Bsdf>& bsdfs) {
-  std::vector<Side> sides(bsdfs.size());
+Materials::Materials(const std::vector<scene::Bsdf>& bsdfs, const texture::Textures& textures)
+    : textures_(textures), graph_(bsdfs, textures) {
+  parameters_.add({});  // row 0: read by lanes that show nothing
+  kinds_present_ = graph_.mixes() ? kind_bit(kNull) : 0;
   for (size_t i = 0; i < bsdfs.size(); ++i) {
-    if (!std::holds_alternative<scene::TwoSided>(bsdfs[i].model)) sides[i] = add_lobe(bsdfs[i]);
+    const Model model = add_model(bsdfs[i]);
+    if (model.kind == kBlack) continue;
+    graph_.set_model(static_cast<int>(i), model.kind, model.row);
+    kinds_present_ |= kind_bit(model.kind);
+    anisotropic_ = anisotropic_ || is_anisotropic(bsdfs[i]);
   }
-  for (size_t i = 0; i < bsdfs.size(); ++i) {
-    const auto* pair = std::get_if<scene::TwoSided>(&bsdfs[i].model);
-    const bool through = sides[i].kind == kDielectric;  // sees both sides in one frame
-    const Side front = pair != nullptr ? sides[pair->front] : sides[i];
-    const Side back = pair != nullptr ? sides[pair->back] : through ? sides[i] : Side{};
-    front_kind_.push_back(front.kind);
-    front_row_.push_back(front.row);
-    back_kind_.push_back(back.kind);
-    back_row_.push_back(back.row);
-    two_sided_.push_back(pair != nullptr ? 1 : 0);
-  }
+  graph_.finish(bsdfs);
 }
 
-Materials::Side Materials::add_lobe(const scene::Bsdf& bsdf) {
-  Side side;
-  if (const auto* diffuse = std::get_if<scene::Diffuse>(&bsdf.model)) {
-    side = {kDiffuse, DiffuseLobe::add(parameters_, *diffuse)};
-  } else if (const auto* conductor = std::get_if<scene::Conductor>(&bsdf.model)) {
-    side = {kConductor, ConductorLobe::add(parameters_, *conductor)};
-  } else if (const auto* rough = std::get_if<scene::RoughConductor>(&bsdf.model)) {
-    const bool ggx = rough->distribution == scene::Microfacet::kGgx;
-    side = {ggx ? kRoughConductorGgx : kRoughConductorBeckmann,
-            RoughConductorLobe<Ggx>::add(parameters_, *rough)};
-    wants_tangent_ = wants_tangent_ || rough->alpha_u != rough->alpha_v;
-  } else {
-    const auto* dielectric = std::get_if<scene::Dielectric>(&bsdf.model);
-    METROFARM_CHECK(dielectric != nullptr);
-    side = {kDielectric, DielectricLobe::add(parameters_, *dielectric)};
-  }
-  kinds_present_ |= 1U << side.kind;
-  return side;
+template <class Scene>
+Materials::Model Materials::add_rough(const Scene& model, int32_t beckmann, const Row& row) {
+  const bool ggx = model.distribution == scene::Microfacet::kGgx;
+  return {ggx ? beckmann + 1 : beckmann, parameters_.add(row)};
 }
 
-ShownLobe Materials::shown(Int bsdf, Mask front, Mask lanes) const {
-  const Mask front_lanes = lanes & front;
-  const Mask back_lanes = lanes & ~front;
+// kBlack for wrappers, which are no models.
+Materials::Model Materials::add_model(const scene::Bsdf& bsdf) {
+  const auto& m = bsdf.model;
+  if (const auto* d = std::get_if<scene::Diffuse>(&m))
+    return {kDiffuse, parameters_.add(DiffuseLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::Conductor>(&m))
+    return {kConductor, parameters_.add(ConductorLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::RoughConductor>(&m))
+    return add_rough(*d, kRoughConductorBeckmann, RoughConductorLobe<Ggx>::row(*d));
+  if (const auto* d = std::get_if<scene::Dielectric>(&m))
+    return {kDielectric, parameters_.add(DielectricLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::ThinDielectric>(&m))
+    return {kThinDielectric, parameters_.add(ThinDielectricLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::RoughDielectric>(&m))
+    return add_rough(*d, kRoughDielectricBeckmann, RoughDielectricLobe<Ggx>::row(*d));
+  if (const auto* d = std::get_if<scene::Plastic>(&m))
+    return {kPlastic, parameters_.add(PlasticLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::RoughPlastic>(&m))
+    return add_rough(*d, kRoughPlasticBeckmann, RoughPlasticLobe<Ggx>::row(*d, transmittance_));
+  if (const auto* d = std::get_if<scene::Phong>(&m))
+    return {kPhong, parameters_.add(PhongLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::Principled>(&m))
+    return {kPrincipled, parameters_.add(PrincipledLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::PrincipledThin>(&m))
+    return {kPrincipledThin, parameters_.add(PrincipledThinLobe::row(*d))};
+  if (const auto* d = std::get_if<scene::DiffuseTransmitter>(&m))
+    return {kDiffuseTransmitter, parameters_.add(DiffuseTransmitterLobe::row(*d))};
+  if (std::holds_alternative<scene::Null>(m)) return {kNull, 0};
+  return {kBlack, 0};
+}
+
+geometry::SurfaceNeeds Materials::needs() const {
+  geometry::SurfaceNeeds needs;
+  needs.uv = parameters_.textured() || graph_.textured();
+  needs.tangents = anisotropic_ || graph_.bends();
+  return needs;
+}
+
+bool Materials::wants_choice() const {
+  return graph_.mixes();
+}
+
+ShownLobe Materials::show(Int bsdf, const ShadingPoint& at, Float choice, Mask lanes) const {
+  Walk walk{at.point, at.dp_du, at.dp_dv, at.wo, choice};
+  graph_.walk(bsdf, lanes, walk);
   ShownLobe lobe;
-  lobe.kind = select(front_lanes, gather(front_kind_.data(), bsdf, front_lanes), Int(-1));
-  lobe.row = gather(front_row_.data(), bsdf, front_lanes);
-  if (any(back_lanes)) {
-    lobe.kind = select(back_lanes, gather(back_kind_.data(), bsdf, back_lanes), lobe.kind);
-    lobe.row = select(back_lanes, gather(back_row_.data(), bsdf, back_lanes), lobe.row);
-    lobe.turned = back_lanes & equal(gather(two_sided_.data(), bsdf, back_lanes), Int(1));
-  }
+  lobe.kind = walk.kind;
+  lobe.turned = walk.turned;
+  lobe.bent = walk.bent;
+  if (graph_.bends()) lobe.inner = walk.inner;
+  load_parameters(walk.row, lanes, at.point, lobe);
   return lobe;
 }
 
-Evaluation Materials::evaluate(const ShownLobe& lobe, Mask lanes, const Vec3& wo,
-                               const Vec3& wi) const {
-  Evaluation result;
-  for_each_kind(kinds_present_, lobe.kind, lanes, [&](auto model, Mask here) {
-    merge(result, model.evaluate(parameters_, lobe.row, here, wo, wi), here);
-  });
-  return result;
+void Materials::load_parameters(Int row, Mask lanes, const geometry::SurfacePoint& point,
+                                ShownLobe& lobe) const {
+  int count = 0;
+  for_each_kind(kinds_present_, lobe.kind, lanes,
+                [&]<class Model>(Model, Mask) { count = std::max(count, Model::kColumns); });
+  parameters_.load(row, lanes, count, lobe.parameters);
+  lobe.parameters.transmittance = transmittance_.data();
+  if (!parameters_.textured()) return;
+  Float* columns = lobe.parameters.columns;
+  parameters_.for_each_texture(
+      row, lanes,
+      [&](int column, Int texture, Mask here) {
+        const Spectrum colour = textures_.colour(texture, point, here);
+        const Float channels[3] = {colour.x, colour.y, colour.z};
+        for (int k = 0; k < 3; ++k) {
+          Float& value = columns[column + k];
+          value = select(here, value * channels[k], value);
+        }
+      },
+      [&](int column, Int texture, Mask here) {
+        Float& value = columns[column];
+        value = select(here, value * textures_.luminance(texture, point, here), value);
+      });
 }
 
-Sample Materials::sample(const ShownLobe& lobe, Mask lanes, const Vec3& wo,
-                         const SampleInput& u) const {
-  Sample result;
-  for_each_kind(kinds_present_, lobe.kind, lanes, [&](auto model, Mask here) {
-    merge(result, model.sample(parameters_, lobe.row, here, wo, u), here);
+Evaluation Materials::evaluate(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const Vec3& wi,
+                               Transport transport) const {
+  const auto run = [&](const Vec3& o, const Vec3& i) {
+    Evaluation result;
+    for_each_kind(kinds_present_, lobe.kind, lanes, [&]<class Model>(Model, Mask here) {
+      merge(result, Model::evaluate(lobe.parameters, here, o, i, transport), here);
+    });
+    return result;
+  };
+  if (none(lobe.bent & lanes)) return run(wo, wi);
+  const Vec3 inner_wo = select(lobe.bent, lobe.inner.to_local(wo), wo);
+  const Vec3 inner_wi = select(lobe.bent, lobe.inner.to_local(wi), wi);
+  Evaluation e = run(inner_wo, inner_wi);
+  // A direction on different sides of the two normals would leak through the surface.
+  const Mask kept = ~lobe.bent | (wi.z * inner_wi.z > Float(0.F));
+  const Float shadow = select(lobe.bent, bump_shadow(lobe.inner.n, wi), Float(1.F));
+  return {keep(kept, e.value * shadow), keep(kept, e.pdf_solid_angle)};
+}
+
+Sample Materials::sample(const ShownLobe& lobe, Mask lanes, const Vec3& wo, const SampleInput& u,
+                         Transport transport) const {
+  const Mask bent = lobe.bent & lanes;
+  const Vec3 inner_wo = any(bent) ? select(bent, lobe.inner.to_local(wo), wo) : wo;
+  Sample s;
+  for_each_kind(kinds_present_, lobe.kind, lanes, [&]<class Model>(Model, Mask here) {
+    merge(s, Model::sample(lobe.parameters, here, inner_wo, u, transport), here);
   });
-  return result;
+  if (none(bent)) return s;
+  const Vec3 wi = lobe.inner.to_world(s.wi);
+  s.valid = s.valid & (~bent | (wi.z * s.wi.z > Float(0.F)));
+  s.weight = s.weight * select(bent, bump_shadow(lobe.inner.n, wi), Float(1.F));
+  s.weight = keep(s.valid, s.weight);
+  s.wi = select(bent, wi, s.wi);
+  return s;
 }
 
 Mask Materials::smooth(const ShownLobe& lobe, Mask lanes) const {
+  const uint32_t smooth_kinds = kinds_present_ & ~kDeltaKinds;
   Mask result = no_lanes();
   for (int k = 0; k < kLobeKinds; ++k) {
-    const bool has_density = (kDeltaKinds >> k & 1U) == 0 && (kinds_present_ >> k & 1U) != 0;
-    if (has_density) result = result | (lanes & equal(lobe.kind, Int(k)));
+    if ((smooth_kinds & kind_bit(k)) != 0) result = result | (lanes & equal(lobe.kind, Int(k)));
   }
   return result;
 }

@@ -1,17 +1,19 @@
 // All materials of a scene: finds the lobe that a surface shows to a ray, resolves its parameters
 // and sends each lane to its model. Only models that some lane needs are run.
 //
-// A material is a small graph: wrappers (two-sided, mask, blend, bump and normal maps) around models
-// that scatter. show() walks it once per vertex and ends at one model per lane. Mixtures are chosen
-// at random, mask and blend alike, by a coordinate of the vertex: everything that is evaluated at
-// the vertex afterwards is that component alone, which is unbiased because the choice looks at
-// nothing but the vertex.
+// A material is a small graph: wrappers (two-sided, mask, blend, bump and normal maps) around
+// models that scatter. show() walks it once per vertex and ends at one model per lane. Mixtures are
+// chosen at random, mask and blend alike, by a coordinate of the vertex: everything that is
+// evaluated at the vertex afterwards is that component alone, which is unbiased because the choice
+// looks at nothing but the vertex.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "bsdf/lobes.h"
+#include "bsdf/graph.h"
+#include "bsdf/parameters.h"
+#include "bsdf/types.h"
 #include "geometry/surface.h"
 #include "scene/description.h"
 #include "texture/textures.h"
@@ -23,8 +25,8 @@ struct ShownLobe {
   Int kind = Int(-1);        // LobeKind, -1: black
   Mask turned = no_lanes();  // the material treats this back side like a front
   Mask bent = no_lanes();    // lanes whose normal a map has changed
-  Frame inner;               // in bent lanes: the model's frame, in coordinates of the shading frame
-  Parameters parameters;     // of each lane's model
+  Frame inner;            // in bent lanes: the model's frame, in coordinates of the shading frame
+  Parameters parameters;  // of each lane's model
 };
 
 // What the shown lobe depends on.
@@ -55,6 +57,24 @@ class Materials {
                 Transport transport) const;
   // Lanes whose lobe has a density, so that light sampling can reach them.
   Mask smooth(const ShownLobe& lobe, Mask lanes) const;
+
+ private:
+  struct Model {
+    int32_t kind, row;
+  };
+
+  Model add_model(const scene::Bsdf& bsdf);
+  template <class Scene>
+  Model add_rough(const Scene& model, int32_t beckmann, const Row& row);
+  void load_parameters(Int row, Mask lanes, const geometry::SurfacePoint& point,
+                       ShownLobe& lobe) const;
+
+  const texture::Textures& textures_;
+  ParameterTable parameters_;
+  TransmittanceTables transmittance_;
+  Graph graph_;
+  uint32_t kinds_present_ = 0;  // bits of LobeKind
+  bool anisotropic_ = false;
 };
 
 }  // namespace metrofarm::bsdf

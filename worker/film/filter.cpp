@@ -19,6 +19,36 @@ double gaussian_integral(double radius, double stddev) {
   return bell - 2 * radius * std::exp(-radius * radius / (2 * stddev * stddev));
 }
 
+// Mitchell and Netravali 1988, "Reconstruction Filters in Computer Graphics", equation 8, for
+// distances t in [0, 2).
+template <class T>
+T cubic(T t, T b, T c) {
+  const T t2 = t * t;
+  const T t3 = t2 * t;
+  if (t < 1) return ((12 - 9 * b - 6 * c) * t3 + (-18 + 12 * b + 6 * c) * t2 + (6 - 2 * b)) / 6;
+  return ((-b - 6 * c) * t3 + (6 * b + 30 * c) * t2 + (-12 * b - 48 * c) * t + (8 * b + 24 * c)) /
+         6;
+}
+
+// sin(pi x) / (pi x)
+template <class T>
+T sinc(T x) {
+  const T angle = std::numbers::pi_v<T> * x;
+  return std::fabs(angle) < T(1e-4) ? 1 - angle * angle / 6 : std::sin(angle) / angle;
+}
+
+// Integral over [-r, r] of sinc(x) sinc(x / r) by Simpson's rule.
+double lanczos_integral(double radius) {
+  constexpr int kSteps = 2000;
+  double sum = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double x = radius * i / kSteps;
+    const double weight = i == 0 || i == kSteps ? 1 : i % 2 == 1 ? 4 : 2;
+    sum += weight * sinc(x) * sinc(x / radius);
+  }
+  return 2 * sum * radius / (3 * kSteps);
+}
+
 double integral_of(const scene::Film& film) {
   switch (film.filter) {
     case ReconstructionFilter::kBox:
@@ -27,6 +57,11 @@ double integral_of(const scene::Film& film) {
       return film.filter_radius;
     case ReconstructionFilter::kGaussian:
       return gaussian_integral(film.filter_radius, film.filter_stddev);
+    case ReconstructionFilter::kMitchell:
+    case ReconstructionFilter::kCatmullRom:
+      return film.filter_radius / 2;  // 1 at the radius of 2 for which the polynomials are made
+    case ReconstructionFilter::kLanczos:
+      return lanczos_integral(film.filter_radius);
   }
   return 1;
 }
@@ -40,7 +75,10 @@ Filter::Filter(const scene::Film& film)
       radius_(static_cast<float>(film.filter_radius)),
       scale_(static_cast<float>(1 / integral_of(film))),
       inverse_variance2_(static_cast<float>(1 / (2 * film.filter_stddev * film.filter_stddev))),
-      at_radius_(std::exp(-radius_ * radius_ * inverse_variance2_)) {
+      at_radius_(std::exp(-radius_ * radius_ * inverse_variance2_)),
+      b_(film.filter == ReconstructionFilter::kMitchell ? static_cast<float>(film.mitchell_b) : 0),
+      c_(film.filter == ReconstructionFilter::kMitchell ? static_cast<float>(film.mitchell_c)
+                                                        : 0.5F) {
   METROFARM_CHECK(fits(film.filter_radius));
 }
 
@@ -54,6 +92,11 @@ float Filter::value(float distance) const {
       return scale_ * (1 - d / radius_);
     case ReconstructionFilter::kGaussian:
       return scale_ * std::max(0.F, std::exp(-d * d * inverse_variance2_) - at_radius_);
+    case ReconstructionFilter::kMitchell:
+    case ReconstructionFilter::kCatmullRom:
+      return scale_ * cubic(2 * d / radius_, b_, c_);
+    case ReconstructionFilter::kLanczos:
+      return scale_ * sinc(d) * sinc(d / radius_);
   }
   return 0;
 }

@@ -1,4 +1,5 @@
-// Reconstruction filters: separable, normalized so that the integral over the plane is 1.
+// Reconstruction filters: separable, normalized so that the integral over the plane is 1. Weights
+// can be negative (Mitchell, Catmull-Rom, Lanczos).
 #pragma once
 
 #include <array>
@@ -38,6 +39,7 @@ class Filter {
   float scale_;              // makes the integral 1
   float inverse_variance2_;  // 1 / (2 sigma^2), gaussian only
   float at_radius_;          // gaussian value subtracted so that it ends at zero
+  float b_, c_;              // of the cubics: Mitchell's, or 0 and 1/2 for Catmull and Rom's
 };
 
 }  // namespace metrofarm::film

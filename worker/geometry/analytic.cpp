@@ -21,6 +21,19 @@ double nearest_inside(double t0, double t1, const RaySegment& ray) {
   return -1;
 }
 
+// A ray's two parameters on a quadric, smaller first.
+struct Crossing {
+  double first, second;
+};
+
+// Solves a t^2 + 2 b t + c = 0 given the discriminant b^2 - a c, without cancellation.
+Crossing solve_quadratic(double a, double b, double c, double discriminant) {
+  const double q = -(b + std::copysign(std::sqrt(discriminant), b));
+  const double t0 = q / a;
+  const double t1 = q != 0 ? c / q : t0;
+  return {std::fmin(t0, t1), std::fmax(t0, t1)};
+}
+
 double intersect_sphere(const float* s, const RaySegment& ray) {
   const double oc[3] = {ray.origin[0] - s[0], ray.origin[1] - s[1], ray.origin[2] - s[2]};
   const double a = dot(ray.direction, ray.direction);
@@ -32,12 +45,8 @@ double intersect_sphere(const float* s, const RaySegment& ray) {
                           oc[2] - b / a * ray.direction[2]};
   const double discriminant = a * (radius2 - dot(foot, foot));
   if (!(discriminant >= 0)) return -1;
-  const double root = std::sqrt(discriminant);
-  const double q = -(b + std::copysign(root, b));
-  const double c = dot(oc, oc) - radius2;
-  const double first = q / a;
-  const double second = q != 0 ? c / q : first;
-  return nearest_inside(std::fmin(first, second), std::fmax(first, second), ray);
+  const Crossing at = solve_quadratic(a, b, dot(oc, oc) - radius2, discriminant);
+  return nearest_inside(at.first, at.second, ray);
 }
 
 double intersect_disk(const float* d, const RaySegment& ray) {
@@ -62,23 +71,58 @@ double intersect_disk(const float* d, const RaySegment& ray) {
   return x * x + y * y <= 1 ? t : -1;
 }
 
+// c: lower center, radii along x and y, axis; all three perpendicular.
+double intersect_cylinder(const float* c, const RaySegment& ray) {
+  const double from_center[3] = {ray.origin[0] - c[0], ray.origin[1] - c[1], ray.origin[2] - c[2]};
+  // The ray in the space of the unit cylinder x^2 + y^2 = 1, 0 <= z <= 1.
+  double o[3];
+  double d[3];
+  for (int k = 0; k < 3; ++k) {
+    const double axis[3] = {c[3 + 3 * k], c[4 + 3 * k], c[5 + 3 * k]};
+    const double scale = 1 / dot(axis, axis);
+    o[k] = dot(from_center, axis) * scale;
+    d[k] = dot(ray.direction, axis) * scale;
+  }
+  const double a = d[0] * d[0] + d[1] * d[1];
+  const double b = o[0] * d[0] + o[1] * d[1];
+  if (!(a > 0)) return -1;
+  const double foot[2] = {o[0] - b / a * d[0], o[1] - b / a * d[1]};
+  const double discriminant = a * (1 - foot[0] * foot[0] - foot[1] * foot[1]);
+  if (!(discriminant >= 0)) return -1;
+  const Crossing at = solve_quadratic(a, b, o[0] * o[0] + o[1] * o[1] - 1, discriminant);
+  for (double t : {at.first, at.second}) {
+    const double z = o[2] + t * d[2];
+    if (z >= 0 && z <= 1 && t > ray.t_near && t < ray.t_far) return t;
+  }
+  return -1;
+}
+
 }  // namespace
 
 double intersect_analytic(const Primitives& p, uint32_t index, const RaySegment& ray) {
   const float* data = &p.analytic[size_t{index} * kAnalyticStride];
-  const bool sphere = p.analytic_kind[index] == static_cast<int32_t>(AnalyticKind::kSphere);
-  return sphere ? intersect_sphere(data, ray) : intersect_disk(data, ray);
+  switch (static_cast<AnalyticKind>(p.analytic_kind[index])) {
+    case AnalyticKind::kSphere:
+      return intersect_sphere(data, ray);
+    case AnalyticKind::kDisk:
+      return intersect_disk(data, ray);
+    case AnalyticKind::kCylinder:
+      return intersect_cylinder(data, ray);
+  }
+  return -1;
 }
 
 Bounds bounds_of_analytic(const Primitives& p, uint32_t index) {
   const float* d = &p.analytic[size_t{index} * kAnalyticStride];
-  const bool sphere = p.analytic_kind[index] == static_cast<int32_t>(AnalyticKind::kSphere);
+  const auto kind = static_cast<AnalyticKind>(p.analytic_kind[index]);
   Bounds bounds;
   for (int k = 0; k < 3; ++k) {
-    const float extent = sphere ? d[3] : std::hypot(d[3 + k], d[6 + k]);
-    const float slack = 1e-6F * (std::fabs(d[k]) + extent);
-    bounds.lower[k] = d[k] - extent - slack;
-    bounds.upper[k] = d[k] + extent + slack;
+    // A cylinder lies between its two end disks.
+    const float extent = kind == AnalyticKind::kSphere ? d[3] : std::hypot(d[3 + k], d[6 + k]);
+    const float axis = kind == AnalyticKind::kCylinder ? d[9 + k] : 0.F;
+    const float slack = 1e-6F * (std::fabs(d[k]) + extent + std::fabs(axis));
+    bounds.lower[k] = d[k] + std::fmin(axis, 0.F) - extent - slack;
+    bounds.upper[k] = d[k] + std::fmax(axis, 0.F) + extent + slack;
   }
   return bounds;
 }

@@ -15,10 +15,6 @@ struct RaySegment {
 // Nearest t in (t_near, t_far) at which the ray meets analytic shape `index`; negative if none.
 double intersect_analytic(const Primitives& primitives, uint32_t index, const RaySegment& ray);
 
-struct Bounds {
-  float lower[3];
-  float upper[3];
-};
 Bounds bounds_of_analytic(const Primitives& primitives, uint32_t index);
 
 }  // namespace metrofarm::geometry

@@ -1,14 +1,18 @@
 #include "geometry/primitives.h"
 
+#include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <numeric>
 
 #include "base/check.h"
+#include "geometry/instances.h"
 
 namespace metrofarm::geometry {
 namespace {
 
+using scene::Cylinder;
 using scene::Disk;
+using scene::Matrix;
 using scene::SceneDescription;
 using scene::Shape;
 using scene::Sphere;
@@ -19,47 +23,119 @@ uint64_t bytes_of(const std::vector<T>& v) {
   return v.capacity() * sizeof(T);
 }
 
-bool any_mesh(const SceneDescription& description, bool (*wants)(const TriangleMesh&)) {
+double determinant_of(const Matrix& m) {
+  return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
+         m[2] * (m[4] * m[9] - m[5] * m[8]);
+}
+
+// What all meshes together need, so that no table grows twice.
+struct Totals {
+  size_t vertices = 0;
+  size_t triangles = 0;
+  bool normals = false;
+  bool texcoords = false;
+};
+
+Totals totals_of(const SceneDescription& description) {
+  Totals t;
   for (const Shape& shape : description.shapes) {
     const auto* mesh = std::get_if<TriangleMesh>(&shape.geometry);
-    if (mesh != nullptr && wants(*mesh)) return true;
+    if (mesh == nullptr) continue;
+    t.vertices += mesh->positions.size() / 3;
+    t.triangles += mesh->indices.size() / 3;
+    t.normals = t.normals || !mesh->normals.empty();
+    t.texcoords = t.texcoords || !mesh->texcoords.empty();
   }
-  return false;
+  return t;
+}
+
+bool is_looked_up(const SceneDescription& description, const std::string& attribute) {
+  return std::any_of(description.textures.begin(), description.textures.end(),
+                     [&](const scene::Texture& texture) {
+                       const auto* model = std::get_if<scene::AttributeTexture>(&texture.model);
+                       return model != nullptr && model->name == attribute;
+                     });
 }
 
 class Builder {
  public:
-  explicit Builder(SceneDescription& description) : description_(description) {
-    wants_normals_ =
-        any_mesh(description, [](const TriangleMesh& m) { return !m.normals.empty(); });
-    wants_texcoords_ =
-        any_mesh(description, [](const TriangleMesh& m) { return !m.texcoords.empty(); });
-  }
+  explicit Builder(SceneDescription& description)
+      : description_(description), totals_(totals_of(description)) {}
 
   Primitives build() {
-    const size_t count = description_.shapes.size();
-    out_.shapes.resize(count);
-    for (size_t s = 0; s < count; ++s) add_shape_record(description_.shapes[s]);
-    for (size_t s = 0; s < count; ++s) {
+    sort_by_group();
+    out_.shapes.resize(description_.shapes.size());
+    for (const Shape& shape : description_.shapes) add_shape_record(shape);
+    reserve();
+    for (size_t s : order_) {
       if (auto* mesh = std::get_if<TriangleMesh>(&description_.shapes[s].geometry)) {
         add_mesh(static_cast<int32_t>(s), *mesh);
         *mesh = {};
       }
     }
     out_.triangle_count = static_cast<int32_t>(out_.indices.size() / 3);
-    for (size_t s = 0; s < count; ++s) add_analytic(static_cast<int32_t>(s));
-    out_.vertex_count = out_.positions.size() / 3;
+    out_.vertex_count = totals_.vertices;
+    for (size_t s : order_) add_analytic(static_cast<int32_t>(s));
+    start_ranges();
     out_.positions.resize(out_.positions.size() + kSpareFloats, 0.F);
-    if (wants_normals_) out_.normals.resize(out_.normals.size() + kSpareFloats, 0.F);
+    if (totals_.normals) out_.normals.resize(out_.normals.size() + kSpareFloats, 0.F);
+    if (totals_.texcoords) out_.texcoords.resize(out_.texcoords.size() + kSpareFloats, 0.F);
+    for (const scene::Instance& instance : description_.instances) {
+      out_.instance_group.push_back(instance.group);
+      append_instance(instance.to_world, out_.instances);
+    }
     return std::move(out_);
   }
 
  private:
+  // Shapes outside groups, then those of each group; scenes without groups keep their order.
+  void sort_by_group() {
+    order_.resize(description_.shapes.size());
+    std::iota(order_.begin(), order_.end(), 0);
+    const auto group = [&](size_t s) { return description_.shapes[s].group; };
+    std::stable_sort(order_.begin(), order_.end(),
+                     [&](size_t a, size_t b) { return group(a) < group(b); });
+    scene::Index last = order_.empty() ? scene::kNone : group(order_.back());
+    for (const scene::Instance& instance : description_.instances)
+      last = std::max(last, instance.group);
+    out_.groups.resize(static_cast<size_t>(last + 1));
+  }
+
+  PrimitiveRange& range_of(int32_t shape) {
+    const scene::Index group = description_.shapes[shape].group;
+    return group == scene::kNone ? out_.world : out_.groups[static_cast<size_t>(group)];
+  }
+
+  // Sets each range's start from the counts before it.
+  void start_ranges() {
+    PrimitiveRange end;
+    const auto start = [&](PrimitiveRange& range) {
+      range.first_triangle = end.triangle_count;
+      range.first_analytic = end.analytic_count;
+      end.triangle_count += range.triangle_count;
+      end.analytic_count += range.analytic_count;
+    };
+    start(out_.world);
+    for (PrimitiveRange& group : out_.groups) start(group);
+  }
+
+  void reserve() {
+    out_.positions.reserve(3 * totals_.vertices + kSpareFloats);
+    out_.indices.reserve(3 * totals_.triangles);
+    out_.shape_of.reserve(totals_.triangles + description_.shapes.size());
+    if (totals_.normals) out_.normals.reserve(3 * totals_.vertices + kSpareFloats);
+    if (totals_.texcoords) out_.texcoords.reserve(2 * totals_.vertices + kSpareFloats);
+  }
+
   void add_shape_record(const Shape& shape) {
     const auto* mesh = std::get_if<TriangleMesh>(&shape.geometry);
+    const auto* disk = std::get_if<Disk>(&shape.geometry);
     out_.bsdf_of.push_back(shape.bsdf);
-    out_.normal_sign.push_back(shape.flip_normals ? -1.F : 1.F);
+    // A disk's normal stays on the side of its +z, also where a mirror turns its half-axes about.
+    const bool mirrored = disk != nullptr && determinant_of(disk->to_world) < 0;
+    out_.normal_sign.push_back(shape.flip_normals != mirrored ? -1.F : 1.F);
     out_.has_normals.push_back(mesh != nullptr && !mesh->normals.empty() ? 1 : 0);
+    out_.has_texcoords.push_back(mesh != nullptr && !mesh->texcoords.empty() ? 1 : 0);
   }
 
   void add_mesh(int32_t shape, const TriangleMesh& mesh) {
@@ -67,9 +143,12 @@ class Builder {
     const size_t triangles = mesh.indices.size() / 3;
     out_.shapes[shape] = {static_cast<uint32_t>(out_.shape_of.size()),
                           static_cast<uint32_t>(triangles)};
+    range_of(shape).triangle_count += static_cast<int32_t>(triangles);
+    for (const scene::MeshAttribute& attribute : mesh.attributes) add_attribute(attribute);
     out_.positions.insert(out_.positions.end(), mesh.positions.begin(), mesh.positions.end());
-    append_or_zero(wants_normals_, mesh.normals, out_.normals, out_.positions.size());
-    append_or_zero(wants_texcoords_, mesh.texcoords, out_.texcoords, out_.positions.size() / 3 * 2);
+    append_or_zero(totals_.normals, mesh.normals, out_.normals, out_.positions.size());
+    append_or_zero(totals_.texcoords, mesh.texcoords, out_.texcoords,
+                   out_.positions.size() / 3 * 2);
     for (uint32_t index : mesh.indices)
       out_.indices.push_back(first_vertex + static_cast<int32_t>(index));
     out_.shape_of.insert(out_.shape_of.end(), triangles, shape);
@@ -82,70 +161,91 @@ class Builder {
     table.resize(new_size, 0.F);
   }
 
+  // Requires: the tables still end where the mesh will begin.
+  void add_attribute(const scene::MeshAttribute& attribute) {
+    if (!is_looked_up(description_, attribute.name)) return;
+    AttributeTable& table = table_of(attribute);
+    const size_t first = attribute.per_face ? out_.indices.size() / 3 : out_.positions.size() / 3;
+    const auto from = static_cast<size_t>(attribute.channels);
+    const auto to = static_cast<size_t>(table.channels);
+    for (size_t i = 0; i < attribute.values.size() / from; ++i) {
+      for (size_t c = 0; c < to; ++c)
+        table.values[(first + i) * to + c] = attribute.values[i * from + std::min(c, from - 1)];
+    }
+  }
+
+  AttributeTable& table_of(const scene::MeshAttribute& attribute) {
+    for (AttributeTable& table : out_.attributes) {
+      if (table.name != attribute.name || table.per_face != attribute.per_face) continue;
+      if (table.channels < attribute.channels) widen(table);
+      return table;
+    }
+    const size_t rows = attribute.per_face ? totals_.triangles : totals_.vertices;
+    out_.attributes.push_back({attribute.name, attribute.channels, attribute.per_face, {}});
+    out_.attributes.back().values.resize(rows * size_t(attribute.channels) + kSpareFloats, 0.F);
+    return out_.attributes.back();
+  }
+
+  // From one channel to three that are equal: meshes may disagree on what a name holds.
+  static void widen(AttributeTable& table) {
+    std::vector<float> grey = std::move(table.values);
+    const size_t rows = grey.size() - kSpareFloats;
+    table.channels = 3;
+    table.values.assign(3 * rows + kSpareFloats, 0.F);
+    for (size_t i = 0; i < 3 * rows; ++i) table.values[i] = grey[i / 3];
+  }
+
   void add_analytic(int32_t shape) {
     const auto& geometry = description_.shapes[shape].geometry;
     if (std::holds_alternative<TriangleMesh>(geometry)) return;
     out_.shapes[shape] = {static_cast<uint32_t>(out_.shape_of.size()), 1};
     out_.shape_of.push_back(shape);
+    ++range_of(shape).analytic_count;
     if (const auto* sphere = std::get_if<Sphere>(&geometry)) {
-      add_floats({sphere->center[0], sphere->center[1], sphere->center[2], sphere->radius});
-      out_.analytic_kind.push_back(static_cast<int32_t>(AnalyticKind::kSphere));
+      const auto& r = sphere->rotation;
+      const Matrix axes = {r[0], r[1], r[2], 0, r[3], r[4], r[5], 0,
+                           r[6], r[7], r[8], 0, 0,    0,    0,    1};
+      const auto& c = sphere->center;
+      add(AnalyticKind::kSphere, {c[0], c[1], c[2], sphere->radius, r[0], r[3], r[6], r[2], r[5],
+                                  r[8], determinant_of(axes) < 0 ? -1.0 : 1.0});
+    } else if (const auto* disk = std::get_if<Disk>(&geometry)) {
+      const auto& m = disk->to_world;
+      add(AnalyticKind::kDisk, {m[3], m[7], m[11], m[0], m[4], m[8], m[1], m[5], m[9]});
     } else {
-      const auto& m = std::get<Disk>(geometry).to_world;
-      add_floats({m[3], m[7], m[11], m[0], m[4], m[8], m[1], m[5], m[9]});
-      out_.analytic_kind.push_back(static_cast<int32_t>(AnalyticKind::kDisk));
+      const auto& m = std::get<Cylinder>(geometry).to_world;
+      add(AnalyticKind::kCylinder,
+          {m[3], m[7], m[11], m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]});
     }
   }
 
-  void add_floats(std::initializer_list<double> values) {
+  void add(AnalyticKind kind, std::initializer_list<double> values) {
     METROFARM_CHECK(values.size() <= kAnalyticStride);
     const size_t end = out_.analytic.size() + kAnalyticStride;
     for (double v : values) out_.analytic.push_back(static_cast<float>(v));
     out_.analytic.resize(end, 0.F);
+    out_.analytic_kind.push_back(static_cast<int32_t>(kind));
   }
 
   SceneDescription& description_;
+  Totals totals_;
   Primitives out_;
-  bool wants_normals_ = false;
-  bool wants_texcoords_ = false;
+  std::vector<size_t> order_;  // shapes by group
 };
-
-struct Double3 {
-  double x, y, z;
-};
-
-double cross_length(Double3 a, Double3 b) {
-  return std::hypot(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
-}
-
-double triangle_area(const Primitives& p, uint32_t triangle) {
-  const int32_t* i = &p.indices[3 * size_t{triangle}];
-  const float* a = &p.positions[3 * size_t(i[0])];
-  const float* b = &p.positions[3 * size_t(i[1])];
-  const float* c = &p.positions[3 * size_t(i[2])];
-  return 0.5 * cross_length({double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]},
-                            {double(c[0]) - a[0], double(c[1]) - a[1], double(c[2]) - a[2]});
-}
 
 }  // namespace
 
 uint64_t Primitives::bytes() const {
-  return bytes_of(positions) + bytes_of(normals) + bytes_of(texcoords) + bytes_of(indices) +
+  uint64_t sum = 0;
+  for (const AttributeTable& table : attributes) sum += bytes_of(table.values);
+  return sum + bytes_of(positions) + bytes_of(normals) + bytes_of(texcoords) + bytes_of(indices) +
          bytes_of(analytic) + bytes_of(analytic_kind) + bytes_of(shape_of) + bytes_of(shapes) +
-         bytes_of(bsdf_of) + bytes_of(normal_sign) + bytes_of(has_normals);
+         bytes_of(bsdf_of) + bytes_of(normal_sign) + bytes_of(has_normals) +
+         bytes_of(has_texcoords) + bytes_of(groups) + bytes_of(instance_group) +
+         bytes_of(instances);
 }
 
 Primitives build_primitives(SceneDescription& description) {
   return Builder(description).build();
-}
-
-double area_of(const Primitives& p, uint32_t primitive) {
-  if (primitive < static_cast<uint32_t>(p.triangle_count)) return triangle_area(p, primitive);
-  const uint32_t i = primitive - static_cast<uint32_t>(p.triangle_count);
-  const float* a = &p.analytic[size_t{i} * kAnalyticStride];
-  if (p.analytic_kind[i] == static_cast<int32_t>(AnalyticKind::kSphere))
-    return 4 * std::numbers::pi * double(a[3]) * a[3];
-  return std::numbers::pi * cross_length({a[3], a[4], a[5]}, {a[6], a[7], a[8]});
 }
 
 }  // namespace metrofarm::geometry

@@ -1,9 +1,10 @@
 // All primitives of a scene in flat tables: triangles of every mesh first, analytic shapes after
-// them. A primitive's number is its index in that order; Embree reports it and the tables are
-// gathered by it.
+// them; within both, what lies outside groups comes first, then group by group. A primitive's
+// number is its index in that order; Embree reports it and the tables are gathered by it.
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "math/vec.h"
@@ -11,12 +12,31 @@
 
 namespace metrofarm::geometry {
 
-enum class AnalyticKind : int32_t { kSphere = 0, kDisk = 1 };
+enum class AnalyticKind : int32_t { kSphere = 0, kDisk = 1, kCylinder = 2 };
 
 // What belongs to a shape as a whole.
 struct ShapeRecord {
   uint32_t first_primitive = 0;
   uint32_t primitive_count = 0;
+};
+
+// Values at the vertices or faces of meshes, dense over all vertices (or all triangles) of the
+// scene: zero where a mesh lacks the attribute.
+struct AttributeTable {
+  std::string name;
+  int channels = 3;
+  bool per_face = false;      // else per vertex
+  std::vector<float> values;  // channels per vertex or triangle, then kSpareFloats more
+};
+
+// The primitives that one acceleration structure holds: consecutive triangles and consecutive
+// analytic shapes.
+struct PrimitiveRange {
+  int32_t first_triangle = 0;
+  int32_t triangle_count = 0;
+  int32_t first_analytic = 0;  // index among the analytic shapes
+  int32_t analytic_count = 0;
+  bool empty() const { return triangle_count == 0 && analytic_count == 0; }
 };
 
 struct Primitives {
@@ -28,9 +48,13 @@ struct Primitives {
   std::vector<int32_t> indices;  // 3 per triangle
   int32_t triangle_count = 0;
   size_t vertex_count = 0;
+  std::vector<AttributeTable> attributes;  // by name
 
-  // ---- analytic shapes, 10 floats each ----
-  // sphere: center (3), radius; disk: center (3), first half-axis (3), second half-axis (3)
+  // ---- analytic shapes, kAnalyticStride floats each ----
+  // sphere: center (3), radius, x axis (3) and z axis (3) of its surface coordinates (unit), and 1
+  // or, where they are mirrored, -1;
+  // disk: center (3), first half-axis (3), second half-axis (3);
+  // cylinder: center of its lower end (3), radii along x (3) and y (3), axis to its upper end (3)
   std::vector<float> analytic;
   std::vector<int32_t> analytic_kind;
 
@@ -39,21 +63,43 @@ struct Primitives {
 
   // ---- by shape ----
   std::vector<ShapeRecord> shapes;
-  std::vector<int32_t> bsdf_of;      // material
-  std::vector<float> normal_sign;    // -1 where normals are flipped, else 1
-  std::vector<int32_t> has_normals;  // 1 where the mesh has vertex normals
+  std::vector<int32_t> bsdf_of;        // material
+  std::vector<float> normal_sign;      // -1 where normals are flipped, else 1
+  std::vector<int32_t> has_normals;    // 1 where the mesh has vertex normals
+  std::vector<int32_t> has_texcoords;  // 1 where the mesh has texture coordinates
+
+  // ---- groups and instances ----
+  PrimitiveRange world;  // what lies outside groups
+  std::vector<PrimitiveRange> groups;
+  std::vector<int32_t> instance_group;  // group of each instance
+  // Per instance kInstanceStride floats: to_world (3 x 4, row major), the inverse transpose of its
+  // linear part (3 x 3, row major), and two numbers a, b by which an offset o of the group becomes
+  // a o + b in the world (see Surface::offset).
+  std::vector<float> instances;
 
   uint64_t bytes() const;
 };
 
-inline constexpr int kAnalyticStride = 10;
+inline constexpr int kAnalyticStride = 12;
+inline constexpr int kInstanceStride = 24;
+// Rounding error of a position is proportional to the coordinates it was computed from; this many
+// times float's epsilon covers barycentric interpolation and the next intersection test.
+inline constexpr float kOffsetScale = 128 * 0x1p-23F;
 // Enough for a masked load from an empty table too.
 inline constexpr int kSpareFloats = 4;
 
-// Concatenates the shapes of a scene. Mesh data is moved out of the description.
+// Concatenates the shapes of a scene. Mesh data is moved out of the description; attributes that no
+// texture names are dropped. Requires: matrices of instances are not singular.
 Primitives build_primitives(scene::SceneDescription& description);
 
-// World-space area of one primitive.
+// Area of one primitive in the space of its group; of a cylinder its lateral surface.
 double area_of(const Primitives& primitives, uint32_t primitive);
+
+struct Bounds {
+  float lower[3];
+  float upper[3];
+};
+// The box around everything that rays can meet, instances included; lower > upper if nothing is.
+Bounds bounds_of(const Primitives& primitives);
 
 }  // namespace metrofarm::geometry

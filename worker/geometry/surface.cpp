@@ -1,5 +1,8 @@
 #include "geometry/surface.h"
 
+#include "geometry/analytic_surface.h"
+#include "geometry/instances.h"
+
 namespace metrofarm::geometry {
 namespace {
 
@@ -40,88 +43,103 @@ Vec3 shading_normal_of(const Primitives& p, const TriangleVertices& t, const Ray
   return select(usable, n / xsimd::sqrt(length2), face_normal);
 }
 
-// dp/du of the mesh's parameterization; an edge where it has none.
-Vec3 tangent_of(const Primitives& p, const TriangleVertices& t, Mask lanes) {
-  const Vec3 edge1 = t.b - t.a;
-  const Vec3 edge2 = t.c - t.a;
-  if (p.texcoords.empty()) return edge1;
-  const auto texcoord = [&](Int vertex, int k) {
-    return gather(p.texcoords.data() + k, vertex + vertex, lanes);
+// table[2 * index + 0..1] per lane; (0, 0) outside m. Pairs are loaded whole, which takes about
+// half the time of two gathers.
+Vec2 gather2(const float* table, Int index, Mask m) {
+  const __m256i masked = _mm256_and_si256(index, _mm256_castps_si256(m));
+  alignas(32) int32_t i[kLanes];
+  _mm256_store_si256(reinterpret_cast<__m256i*>(i), Int(masked) * Int(2));
+  const auto pair = [&](int first, int second) {
+    const __m128 low =
+        _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(table + i[first])));
+    return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(table + i[second]));
   };
-  const Float u0 = texcoord(t.i0, 0), v0 = texcoord(t.i0, 1);
-  const Float du1 = texcoord(t.i1, 0) - u0, du2 = texcoord(t.i2, 0) - u0;
-  const Float dv1 = texcoord(t.i1, 1) - v0, dv2 = texcoord(t.i2, 1) - v0;
-  const Float determinant = du1 * dv2 - dv1 * du2;
-  const Vec3 dp_du = (edge1 * dv2 - edge2 * dv1) / determinant;
-  return select(determinant != Float(0.F), dp_du, edge1);
+  const __m256 a = _mm256_insertf128_ps(_mm256_castps128_ps256(pair(0, 1)), pair(4, 5), 1);
+  const __m256 b = _mm256_insertf128_ps(_mm256_castps128_ps256(pair(2, 3)), pair(6, 7), 1);
+  return {keep(m, _mm256_shuffle_ps(a, b, 0x88)), keep(m, _mm256_shuffle_ps(a, b, 0xdd))};
 }
 
-void fill_triangles(const Primitives& p, const RayHits& hits, bool wants_tangent, Mask lanes,
+// Texture coordinates of a triangle's vertices; those of meshes without any are its barycentric
+// coordinates.
+struct TriangleTexcoords {
+  Vec2 a, b, c;
+};
+
+TriangleTexcoords texcoords_of(const Primitives& p, const TriangleVertices& t, Int shape,
+                               Mask lanes) {
+  const Float zero(0.F), one(1.F);
+  const TriangleTexcoords barycentric = {{zero, zero}, {one, zero}, {zero, one}};
+  if (p.texcoords.empty()) return barycentric;
+  const Mask own = lanes & equal(gather(p.has_texcoords.data(), shape, lanes), Int(1));
+  const auto at = [&](Int vertex, const Vec2& otherwise) {
+    const Vec2 uv = gather2(p.texcoords.data(), vertex, own);
+    return Vec2{select(own, uv.x, otherwise.x), select(own, uv.y, otherwise.y)};
+  };
+  return {at(t.i0, barycentric.a), at(t.i1, barycentric.b), at(t.i2, barycentric.c)};
+}
+
+// Derivatives of the plane that the triangle's texture coordinates span; where they span none, a
+// frame around its normal.
+void fill_derivatives(const TriangleVertices& t, const TriangleTexcoords& uv, const Vec3& face,
+                      Surface& s) {
+  const Vec3 edge1 = t.b - t.a, edge2 = t.c - t.a;
+  const Float du1 = uv.b.x - uv.a.x, du2 = uv.c.x - uv.a.x;
+  const Float dv1 = uv.b.y - uv.a.y, dv2 = uv.c.y - uv.a.y;
+  const Float determinant = du1 * dv2 - dv1 * du2;
+  const Mask regular = determinant != Float(0.F);
+  s.dp_du = (edge1 * dv2 - edge2 * dv1) / determinant;
+  s.dp_dv = (edge2 * du1 - edge1 * du2) / determinant;
+  if (all(regular)) return;
+  const Frame frame = frame_around(face);
+  s.dp_du = select(regular, s.dp_du, frame.s);
+  s.dp_dv = select(regular, s.dp_dv, frame.t);
+}
+
+void fill_triangles(const Primitives& p, const RayHits& hits, SurfaceNeeds needs, Mask lanes,
                     Surface& s) {
   const TriangleVertices t = vertices_of(p, hits.primitive, lanes);
   const Vec3 face = normalize(cross(t.b - t.a, t.c - t.a));
   const Mask smooth = p.normals.empty()
                           ? no_lanes()
                           : lanes & equal(gather(p.has_normals.data(), s.shape, lanes), Int(1));
-  s.position = t.a * (Float(1.F) - hits.u - hits.v) + t.b * hits.u + t.c * hits.v;
+  const Float b0 = Float(1.F) - hits.u - hits.v;
+  s.position = t.a * b0 + t.b * hits.u + t.c * hits.v;
   s.geometric_normal = face;
   s.shading_normal = shading_normal_of(p, t, hits, smooth, face);
   s.offset = offset_of(t);
-  if (wants_tangent) s.tangent = tangent_of(p, t, lanes);
-}
-
-struct AnalyticSurface {
-  Vec3 position, normal, tangent;
-  Float offset;
-};
-
-AnalyticSurface analytic_at(const Primitives& p, const RayHits& hits, const Vec3& origin,
-                            const Vec3& direction, Mask lanes) {
-  const Int index = hits.primitive - Int(p.triangle_count);
-  const Int base = index * Int(kAnalyticStride);
-  const auto column = [&](int k) { return gather(p.analytic.data() + k, base, lanes); };
-  const Vec3 center{column(0), column(1), column(2)};
-  const Mask disk = equal(gather(p.analytic_kind.data(), index, lanes),
-                          Int(static_cast<int32_t>(AnalyticKind::kDisk)));
-  const Vec3 along = origin + direction * hits.t;
-  // Back onto the sphere: the ray's end carries an error that grows with its length.
-  const Float radius = column(3);
-  const Vec3 radial = normalize(along - center);
-  const Vec3 axis_u{column(3), column(4), column(5)};
-  const Vec3 axis_v{column(6), column(7), column(8)};
-  AnalyticSurface s;
-  s.normal = select(disk, normalize(cross(axis_u, axis_v)), radial);
-  const Vec3 on_plane = along - s.normal * dot(along - center, s.normal);
-  s.position = select(disk, on_plane, center + radial * radius);
-  s.tangent = select(disk, axis_u, Vec3{-radial.y, radial.x, Float(0.F)});
-  const Float extent =
-      select(disk, max_component(abs(axis_u)) + max_component(abs(axis_v)), radius);
-  s.offset = (max_component(abs(center)) + extent) * Float(kOffsetScale);
-  return s;
+  if (!needs.uv && !needs.tangents) return;
+  const TriangleTexcoords uv = texcoords_of(p, t, s.shape, lanes);
+  s.point.uv = {uv.a.x * b0 + uv.b.x * hits.u + uv.c.x * hits.v,
+                uv.a.y * b0 + uv.b.y * hits.u + uv.c.y * hits.v};
+  if (needs.tangents) fill_derivatives(t, uv, face, s);
 }
 
 }  // namespace
 
 Surface surface_at(const Primitives& p, const RayHits& hits, const Vec3& origin,
-                   const Vec3& direction, bool wants_tangent) {
+                   const Vec3& direction, SurfaceNeeds needs) {
   Surface s;
   s.shape = gather(p.shape_of.data(), hits.primitive, hits.hit);
-  s.tangent = splat(0.F);
   const Mask triangles =
       hits.hit & as_mask(_mm256_cmpgt_epi32(_mm256_set1_epi32(p.triangle_count), hits.primitive));
   const Mask analytic = hits.hit & ~triangles;
-  fill_triangles(p, hits, wants_tangent, triangles, s);
+  const Mask instanced =
+      p.instances.empty()
+          ? no_lanes()
+          : hits.hit & as_mask(_mm256_cmpgt_epi32(hits.instance, _mm256_set1_epi32(-1)));
+  fill_triangles(p, hits, needs, triangles, s);
+  s.point.primitive = hits.primitive;
+  s.point.b1 = hits.u;
+  s.point.b2 = hits.v;
   if (any(analytic)) {
-    const AnalyticSurface a = analytic_at(p, hits, origin, direction, analytic);
-    s.position = select(analytic, a.position, s.position);
-    s.geometric_normal = select(analytic, a.normal, s.geometric_normal);
-    s.shading_normal = select(analytic, a.normal, s.shading_normal);
-    s.tangent = select(analytic, a.tangent, s.tangent);
-    s.offset = select(analytic, a.offset, s.offset);
+    LocalRay ray = {origin, direction};
+    if (any(analytic & instanced)) ray = ray_in_group(p, hits.instance, ray, analytic & instanced);
+    fill_analytic(p, hits, ray.origin + ray.direction * hits.t, needs, analytic, s);
   }
   const Float sign = gather(p.normal_sign.data(), s.shape, hits.hit);
   s.geometric_normal = s.geometric_normal * sign;
   s.shading_normal = s.shading_normal * sign;
+  if (any(instanced)) place_surface(p, hits.instance, needs, instanced, s);
   return s;
 }
 

@@ -3,6 +3,7 @@
 
 #include "geometry/primitives.h"
 #include "geometry/tracer.h"
+#include "math/warp.h"
 
 namespace metrofarm::geometry {
 
@@ -33,14 +34,17 @@ struct Surface {
 Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
                    const Vec3& direction, SurfaceNeeds needs);
 
-// A point at barycentric coordinates (b1, b2) of a triangle.
+// A point of a shape outside groups.
 struct TrianglePoint {
   Vec3 position;
-  Vec3 normal;   // unit, by the winding
+  Vec3 normal;   // unit, before flip_normals: by the winding, or outwards
   Float offset;  // see Surface
 };
+// The point at barycentric coordinates (b1, b2) of a triangle.
 TrianglePoint point_on_triangle(const Primitives& primitives, Int triangle, Float b1, Float b2,
                                 Mask lanes);
+// The point at surface coordinates (u, v) of a cylinder, uniform by area where they are uniform.
+TrianglePoint point_on_cylinder(const Primitives& primitives, Int primitive, Vec2 uv, Mask lanes);
 
 // Where a ray leaves a surface towards `direction` without meeting it again.
 inline Vec3 offset_origin(const Vec3& position, const Vec3& geometric_normal, Float offset,
@@ -48,9 +52,5 @@ inline Vec3 offset_origin(const Vec3& position, const Vec3& geometric_normal, Fl
   const Float side = xsimd::copysign(offset, dot(geometric_normal, direction));
   return position + geometric_normal * side;
 }
-
-// Rounding error of a position is proportional to the coordinates it was computed from; this many
-// times float's epsilon covers barycentric interpolation and the next intersection test.
-inline constexpr float kOffsetScale = 128 * 0x1p-23F;
 
 }  // namespace metrofarm::geometry

@@ -1,8 +1,10 @@
 #include "geometry/tracer.h"
 
 #include <atomic>
+#include <deque>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "base/check.h"
 #include "geometry/analytic.h"
@@ -11,12 +13,28 @@
 namespace metrofarm::geometry {
 namespace {
 
+// Ids of geometries in every scene; in the world's scene, instances follow.
 constexpr unsigned kTriangleGeometry = 0;
 constexpr unsigned kAnalyticGeometry = 1;
+constexpr unsigned kFirstInstance = 2;
+
+// What the callbacks of one scene's analytic shapes know.
+struct AnalyticRange {
+  const Primitives& primitives;
+  uint32_t first;
+};
+
+const AnalyticRange& range_of(void* user_pointer) {
+  return *static_cast<const AnalyticRange*>(user_pointer);
+}
+
+double intersect_analytic(const AnalyticRange& range, uint32_t index, const RaySegment& ray) {
+  return intersect_analytic(range.primitives, range.first + index, ray);
+}
 
 void analytic_bounds(const RTCBoundsFunctionArguments* args) {
-  const auto& primitives = *static_cast<const Primitives*>(args->geometryUserPtr);
-  const Bounds b = bounds_of_analytic(primitives, args->primID);
+  const AnalyticRange& range = range_of(args->geometryUserPtr);
+  const Bounds b = bounds_of_analytic(range.primitives, range.first + args->primID);
   *args->bounds_o = {b.lower[0], b.lower[1], b.lower[2], 0, b.upper[0], b.upper[1], b.upper[2], 0};
 }
 
@@ -28,27 +46,27 @@ RaySegment segment_of(RTCRayN* rays, unsigned n, unsigned i) {
 }
 
 void analytic_intersect(const RTCIntersectFunctionNArguments* args) {
-  const auto& primitives = *static_cast<const Primitives*>(args->geometryUserPtr);
+  const AnalyticRange& range = range_of(args->geometryUserPtr);
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const double t = intersect_analytic(primitives, args->primID, segment_of(rays, args->N, i));
+    const double t = intersect_analytic(range, args->primID, segment_of(rays, args->N, i));
     if (t < 0) continue;
     RTCRayN_tfar(rays, args->N, i) = static_cast<float>(t);
     RTCHitN_u(hits, args->N, i) = 0;
     RTCHitN_v(hits, args->N, i) = 0;
     RTCHitN_primID(hits, args->N, i) = args->primID;
     RTCHitN_geomID(hits, args->N, i) = args->geomID;
+    RTCHitN_instID(hits, args->N, i, 0) = args->context->instID[0];
   }
 }
 
 void analytic_occluded(const RTCOccludedFunctionNArguments* args) {
-  const auto& primitives = *static_cast<const Primitives*>(args->geometryUserPtr);
+  const AnalyticRange& range = range_of(args->geometryUserPtr);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const double t =
-        intersect_analytic(primitives, args->primID, segment_of(args->ray, args->N, i));
+    const double t = intersect_analytic(range, args->primID, segment_of(args->ray, args->N, i));
     if (t >= 0) RTCRayN_tfar(args->ray, args->N, i) = -std::numeric_limits<float>::infinity();
   }
 }
@@ -85,57 +103,116 @@ void store_valid(int* valid, Mask active) {
 }  // namespace
 
 struct Tracer::Impl {
+  const Primitives& primitives;
   std::atomic<int64_t> memory{0};
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
+  std::vector<RTCScene> groups;           // null where no instance shows the group
+  std::deque<AnalyticRange> ranges = {};  // Embree keeps pointers to them
   Int analytic_offset = Int(0);
+  // Number of the first triangle and of the first analytic shape that each instance shows.
+  std::vector<int32_t> first_triangle = {}, first_analytic = {};
 
-  ~Impl() {
-    if (scene != nullptr) rtcReleaseScene(scene);
-    if (device != nullptr) rtcReleaseDevice(device);
+  Impl(const Primitives& p, std::string_view isa) : primitives(p) {
+    // One build thread: the order of triangles in the tree, which decides ties, must not depend on
+    // the number of cores.
+    const std::string config = "threads=1,isa=" + std::string(isa);
+    device = rtcNewDevice(config.c_str());
+    METROFARM_CHECK(device != nullptr);
+    rtcSetDeviceMemoryMonitorFunction(device, count_memory, &memory);
+    scene = rtcNewScene(device);
+    analytic_offset = Int(p.triangle_count);
+    add_range(scene, p.world);
+    add_instances();
+    rtcCommitScene(scene);
+    METROFARM_CHECK(rtcGetDeviceError(device) == RTC_ERROR_NONE);
   }
 
-  void add_triangles(const Primitives& p) {
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  ~Impl() {
+    rtcReleaseScene(scene);
+    for (RTCScene group : groups)
+      if (group != nullptr) rtcReleaseScene(group);
+    rtcReleaseDevice(device);
+  }
+
+  void add_range(RTCScene to, const PrimitiveRange& range) {
+    if (range.triangle_count > 0) add_triangles(to, range);
+    if (range.analytic_count > 0) add_analytic(to, range);
+  }
+
+  // The tables of vertices and indices are shared with Embree, by all groups.
+  void add_triangles(RTCScene to, const PrimitiveRange& range) {
+    const Primitives& p = primitives;
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    constexpr size_t kStride = 3 * sizeof(int32_t);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                p.positions.data(), 0, 3 * sizeof(float), p.vertex_count);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                               p.indices.data(), 0, 3 * sizeof(int32_t), p.indices.size() / 3);
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometryByID(scene, geometry, kTriangleGeometry);
-    rtcReleaseGeometry(geometry);
+                               p.indices.data(),
+                               kStride * static_cast<size_t>(range.first_triangle), kStride,
+                               static_cast<size_t>(range.triangle_count));
+    attach(to, geometry, kTriangleGeometry);
   }
 
-  void add_analytic(const Primitives& p) {
+  void add_analytic(RTCScene to, const PrimitiveRange& range) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(p.analytic_kind.size()));
-    // Embree hands the pointer back to the callbacks, which only read.
-    rtcSetGeometryUserData(geometry, const_cast<Primitives*>(&p));
+    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(range.analytic_count));
+    ranges.push_back({primitives, static_cast<uint32_t>(range.first_analytic)});
+    rtcSetGeometryUserData(geometry, &ranges.back());
     rtcSetGeometryBoundsFunction(
         geometry, [](const RTCBoundsFunctionArguments* a) { analytic_bounds(a); }, nullptr);
     rtcSetGeometryIntersectFunction(geometry, analytic_intersect);
     rtcSetGeometryOccludedFunction(geometry, analytic_occluded);
+    attach(to, geometry, kAnalyticGeometry);
+  }
+
+  void add_instances() {
+    const Primitives& p = primitives;
+    groups.resize(p.groups.size(), nullptr);
+    for (size_t i = 0; i < p.instance_group.size(); ++i) {
+      const auto group = static_cast<size_t>(p.instance_group[i]);
+      const PrimitiveRange& range = p.groups[group];
+      first_triangle.push_back(range.first_triangle);
+      first_analytic.push_back(p.triangle_count + range.first_analytic);
+      if (range.empty()) continue;
+      if (groups[group] == nullptr) {
+        groups[group] = rtcNewScene(device);
+        add_range(groups[group], range);
+        rtcCommitScene(groups[group]);
+      }
+      RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
+      rtcSetGeometryInstancedScene(geometry, groups[group]);
+      rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
+                              &p.instances[i * kInstanceStride]);
+      attach(scene, geometry, kFirstInstance + static_cast<unsigned>(i));
+    }
+  }
+
+  static void attach(RTCScene to, RTCGeometry geometry, unsigned id) {
     rtcCommitGeometry(geometry);
-    rtcAttachGeometryByID(scene, geometry, kAnalyticGeometry);
+    rtcAttachGeometryByID(to, geometry, id);
     rtcReleaseGeometry(geometry);
+  }
+
+  // From numbers within what an instance shows to numbers of primitives.
+  void resolve_instances(Int reported, Mask analytic, RayHits& hits) const {
+    const Mask instanced = hits.hit & ~equal(reported, Int(-1));
+    if (none(instanced)) return;
+    hits.instance =
+        select(instanced, reported - Int(static_cast<int32_t>(kFirstInstance)), hits.instance);
+    // The numbers that the world's scene has for them are off by the difference of the starts.
+    const Int triangles = gather(first_triangle.data(), hits.instance, instanced & ~analytic);
+    const Int shapes = gather(first_analytic.data(), hits.instance, instanced & analytic);
+    const Int world_start = select(instanced & analytic, analytic_offset, Int(0));
+    hits.primitive = hits.primitive - world_start + triangles + shapes;
   }
 };
 
 Tracer::Tracer(const Primitives& primitives, std::string_view isa)
-    : impl_(std::make_unique<Impl>()) {
-  // One build thread: the order of triangles in the tree, which decides ties, must not depend on
-  // the number of cores.
-  const std::string config = "threads=1,isa=" + std::string(isa);
-  impl_->device = rtcNewDevice(config.c_str());
-  METROFARM_CHECK(impl_->device != nullptr);
-  rtcSetDeviceMemoryMonitorFunction(impl_->device, count_memory, &impl_->memory);
-  impl_->scene = rtcNewScene(impl_->device);
-  impl_->analytic_offset = Int(primitives.triangle_count);
-  if (primitives.triangle_count > 0) impl_->add_triangles(primitives);
-  if (!primitives.analytic_kind.empty()) impl_->add_analytic(primitives);
-  rtcCommitScene(impl_->scene);
-  METROFARM_CHECK(rtcGetDeviceError(impl_->device) == RTC_ERROR_NONE);
-}
+    : impl_(std::make_unique<Impl>(primitives, isa)) {}
 
 Tracer::~Tracer() = default;
 
@@ -144,12 +221,14 @@ RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction
   alignas(32) int valid[kLanes];
   store_valid(valid, active);
   store_ray(rays.ray, origin, direction, Float(std::numeric_limits<float>::infinity()));
+  const auto at = [](unsigned* words) { return reinterpret_cast<__m256i*>(words); };
   const __m256i invalid = _mm256_set1_epi32(-1);
-  _mm256_store_si256(reinterpret_cast<__m256i*>(rays.hit.geomID), invalid);
+  _mm256_store_si256(at(rays.hit.geomID), invalid);
+  _mm256_store_si256(at(rays.hit.instID[0]), invalid);
   embree::intersect8(valid, impl_->scene, &rays);
 
-  const Int geometry = Int(_mm256_load_si256(reinterpret_cast<__m256i*>(rays.hit.geomID)));
-  const Int primitive = Int(_mm256_load_si256(reinterpret_cast<__m256i*>(rays.hit.primID)));
+  const Int geometry = Int(_mm256_load_si256(at(rays.hit.geomID)));
+  const Int primitive = Int(_mm256_load_si256(at(rays.hit.primID)));
   const Mask analytic = equal(geometry, Int(static_cast<int32_t>(kAnalyticGeometry)));
   RayHits hits;
   hits.hit = active & ~equal(geometry, Int(-1));
@@ -157,6 +236,9 @@ RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction
   hits.u = Float::load_aligned(rays.hit.u);
   hits.v = Float::load_aligned(rays.hit.v);
   hits.primitive = select(analytic, primitive + impl_->analytic_offset, primitive);
+  hits.instance = Int(-1);
+  if (!impl_->first_triangle.empty())
+    impl_->resolve_instances(Int(_mm256_load_si256(at(rays.hit.instID[0]))), analytic, hits);
   return hits;
 }
 

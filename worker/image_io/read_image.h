@@ -1,4 +1,5 @@
-// Image files as pixels: PNG, JPEG, BMP, TGA, HDR and OpenEXR, told apart by their content.
+// Image files as pixels: PNG, JPEG, BMP, TGA, Radiance HDR, PFM and OpenEXR, told apart by their
+// content.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +14,14 @@ namespace metrofarm::image_io {
 // How integer pixels are to be understood. Files in floating point are always linear.
 enum class Encoding { kSrgb, kLinear };
 
-// name: the file, for messages. Grey stays one channel, palettes become RGB. Errors name the format
-// and what is wrong with the file.
+inline constexpr uint64_t kMaxPixels = uint64_t{1} << 28;
+
+// name: the file, for messages. Grey stays one channel (a grey file's alpha is dropped), palettes
+// become RGB. 8 bits stay bytes; 16 bits and floating point become floats, linear in either
+// encoding. OpenEXR gives the data window and its R, G, B and A or Y, in Rec. 709 primaries.
+// A file of more than max_pixels is refused before memory is taken. Errors name the format and what
+// is wrong with the file.
 Result<scene::Image> read_image(std::span<const uint8_t> bytes, std::string_view name,
-                                Encoding encoding);
+                                Encoding encoding, uint64_t max_pixels = kMaxPixels);
 
 }  // namespace metrofarm::image_io

@@ -81,8 +81,17 @@ Result<fs::path> FileAccess::find(std::string_view name) const {
 }
 
 Result<FileBytes> FileAccess::read(const fs::path& file) {
-  if (last_bytes_ && file == last_path_) return last_bytes_;
-  Result<fs::path> inside = check_inside_root(file);
+  Result<FileBytes> bytes = read_unannounced(file);
+  if (bytes) announce(file);
+  return bytes;
+}
+
+void FileAccess::announce(const fs::path& file) const {
+  if (file_read_) file_read_(file);
+}
+
+Result<FileBytes> FileAccess::read_unannounced(const fs::path& file) const {
+  const Result<fs::path> inside = check_inside_root(file);
   if (!inside) return inside.error();
   std::error_code error;
   const bool regular = fs::is_regular_file(file, error);
@@ -95,10 +104,7 @@ Result<FileBytes> FileAccess::read(const fs::path& file) {
   if (static_cast<uintmax_t>(stream.gcount()) != size) {
     return Error{"cannot read all of " + quoted(file)};
   }
-  if (file_read_) file_read_(file);
-  last_path_ = file;
-  last_bytes_ = std::move(bytes);
-  return last_bytes_;
+  return FileBytes(std::move(bytes));
 }
 
 }  // namespace metrofarm::scene_file

@@ -28,9 +28,13 @@ class FileAccess {
   // The existing regular file that `name` stands for.
   Result<std::filesystem::path> find(std::string_view name) const;
 
-  // The content of a file; the last one read is kept, because one .serialized file holds many
-  // shapes.
+  // The content of a file.
   Result<FileBytes> read(const std::filesystem::path& file);
+
+  // The two halves of read: tells file_read of a file, and reads one without telling. The latter
+  // may be called from several threads at once.
+  void announce(const std::filesystem::path& file) const;
+  Result<FileBytes> read_unannounced(const std::filesystem::path& file) const;
 
  private:
   Result<std::filesystem::path> check_inside_root(const std::filesystem::path& path) const;
@@ -38,8 +42,6 @@ class FileAccess {
   std::vector<std::filesystem::path> directories_;  // searched from the front
   std::filesystem::path root_;                      // canonical, or empty
   std::function<void(const std::filesystem::path&)> file_read_;
-  std::filesystem::path last_path_;
-  FileBytes last_bytes_;
 };
 
 }  // namespace metrofarm::scene_file

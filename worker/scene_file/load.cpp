@@ -6,12 +6,14 @@
 #include "scene_file/importer.h"
 #include "scene_file/mitsuba/importer.h"
 #include "scene_file/names.h"
+#include "scene_file/pbrt/importer.h"
 
 namespace metrofarm::scene_file {
 namespace {
 
 constexpr std::array kImporters = {
     Importer{".xml", "Mitsuba XML", &mitsuba::import_scene},
+    Importer{".pbrt", "pbrt-v4", &pbrt::import_scene},
 };
 
 std::string supported_formats() {

@@ -100,14 +100,14 @@ class ObjParser {
   }
 
   // Numbers beyond `count` (weights, colours) are skipped.
-  void read_numbers(Cursor& line, int count, const char* keyword, std::vector<double>& values) {
+  void read_numbers(Cursor& line, int count, const char* keyword, std::vector<float>& values) {
     for (int i = 0; i < count; ++i) {
       double value = 0;
       if (!line.number(value)) {
         return fail(std::string("\"").append(keyword) + "\" needs " + std::to_string(count) +
                     " numbers");
       }
-      values.push_back(value);
+      values.push_back(static_cast<float>(value));
     }
   }
 
@@ -117,7 +117,7 @@ class ObjParser {
     double v = 0;
     if (!line.number(u)) return fail("\"vt\" needs 1 to 3 numbers");
     if (!line.at_end() && !line.number(v)) return fail("\"vt\" needs 1 to 3 numbers");
-    texcoords_.insert(texcoords_.end(), {u, v});
+    texcoords_.insert(texcoords_.end(), {static_cast<float>(u), static_cast<float>(v)});
   }
 
   // From the file's index (from 1, or negative: from the end) to one from 0.
@@ -178,10 +178,10 @@ class ObjParser {
     return vertex;
   }
 
-  void append(const std::vector<double>& source, uint32_t index, size_t width,
-              std::vector<double>& target) {
+  void append(const std::vector<float>& source, uint32_t index, size_t width,
+              std::vector<float>& target) {
     for (size_t i = 0; i < width; ++i) {
-      target.push_back(index == kAbsent ? 0.0 : source[width * index + i]);
+      target.push_back(index == kAbsent ? 0.0F : source[width * index + i]);
     }
   }
 
@@ -201,9 +201,9 @@ class ObjParser {
   int line_ = 0;
   std::optional<Error> error_;
 
-  std::vector<double> positions_;
-  std::vector<double> texcoords_;
-  std::vector<double> normals_;
+  std::vector<float> positions_;
+  std::vector<float> texcoords_;
+  std::vector<float> normals_;
 
   std::vector<uint32_t> polygon_;
   std::vector<Corner> corners_;

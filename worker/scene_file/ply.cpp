@@ -6,6 +6,7 @@
 #include <cstring>
 #include <optional>
 
+#include "scene_file/ply_attributes.h"
 #include "scene_file/ply_header.h"
 
 namespace metrofarm::scene_file {
@@ -163,7 +164,7 @@ class BodyParser {
   }
 
   bool skip(const PlyProperty& property) {
-    if (property.count_type) return read_list(property, list_);
+    if (property.count_type) return read_list(property, unused_);
     double unused = 0;
     return values_.read(property.type, unused);
   }
@@ -178,32 +179,74 @@ class BodyParser {
     return std::nullopt;
   }
 
+  // The scalar properties of one entry go to row_; lists are skipped but for the last one that
+  // `kept` names, which stays in list_.
+  template <class Kept>
+  bool read_row(const PlyElement& element, const Kept& kept) {
+    row_.resize(element.properties.size());
+    for (size_t p = 0; p < element.properties.size(); ++p) {
+      const PlyProperty& property = element.properties[p];
+      const bool read = !property.count_type
+                            ? values_.read(property.type, row_[p])
+                            : read_list(property, kept(property) ? list_ : unused_);
+      if (!read) return false;
+    }
+    return true;
+  }
+
+  // Where each channel is among the properties.
+  static std::array<std::optional<size_t>, kChannelCount> find_channels(const PlyElement& element) {
+    std::array<std::optional<size_t>, kChannelCount> places;
+    for (size_t p = 0; p < element.properties.size(); ++p) {
+      if (element.properties[p].count_type) continue;
+      if (const auto channel = channel_named(element.properties[p].name)) places[*channel] = p;
+    }
+    return places;
+  }
+
+  void append_channels(const std::array<std::optional<size_t>, kChannelCount>& places, int first,
+                       int last, std::vector<float>& target) const {
+    for (int c = first; c <= last; ++c) target.push_back(static_cast<float>(row_[*places[c]]));
+  }
+
+  size_t add_attributes(const std::vector<PlyAttribute>& attributes, bool per_face) {
+    const size_t first = mesh_.attributes.size();
+    for (const PlyAttribute& attribute : attributes) {
+      const auto channels = static_cast<int>(attribute.properties.size());
+      mesh_.attributes.push_back({attribute.name, channels, per_face, {}});
+    }
+    return first;
+  }
+
+  // The attributes of the entry in row_, `copies` times.
+  void append_attributes(const std::vector<PlyAttribute>& attributes, size_t first, size_t copies) {
+    for (size_t a = 0; a < attributes.size(); ++a) {
+      std::vector<float>& values = mesh_.attributes[first + a].values;
+      for (size_t copy = 0; copy < copies; ++copy) {
+        for (size_t p : attributes[a].properties) {
+          values.push_back(static_cast<float>(row_[p]) * attributes[a].scale);
+        }
+      }
+    }
+  }
+
   std::optional<Error> read_vertices(const PlyElement& element) {
     if (!mesh_.positions.empty()) return error("the file has two elements named \"vertex\"");
-    std::array<bool, kChannelCount> present{};
-    std::vector<std::optional<Channel>> channels;
-    for (const PlyProperty& property : element.properties) {
-      channels.push_back(property.count_type ? std::nullopt : channel_named(property.name));
-      if (channels.back()) present[*channels.back()] = true;
-    }
-    if (!present[kX] || !present[kY] || !present[kZ]) {
+    const auto places = find_channels(element);
+    if (!places[kX] || !places[kY] || !places[kZ]) {
       return error("the vertices of a PLY file need the properties x, y and z");
     }
-    const bool has_normals = present[kNx] && present[kNy] && present[kNz];
-    const bool has_texcoords = present[kU] && present[kV];
+    const bool has_normals = places[kNx] && places[kNy] && places[kNz];
+    const bool has_texcoords = places[kU] && places[kV];
+    const std::vector<PlyAttribute> attributes = find_attributes(element, "vertex_");
+    const size_t first = add_attributes(attributes, false);
     mesh_.positions.reserve(3 * element.count);
-    std::array<double, kChannelCount> vertex{};
     for (uint64_t i = 0; i < element.count; ++i) {
-      for (size_t p = 0; p < element.properties.size(); ++p) {
-        const PlyProperty& property = element.properties[p];
-        const bool read =
-            channels[p] ? values_.read(property.type, vertex[*channels[p]]) : skip(property);
-        if (!read) return ends_early(element);
-      }
-      const double* v = vertex.data();
-      mesh_.positions.insert(mesh_.positions.end(), v + kX, v + kZ + 1);
-      if (has_normals) mesh_.normals.insert(mesh_.normals.end(), v + kNx, v + kNz + 1);
-      if (has_texcoords) mesh_.texcoords.insert(mesh_.texcoords.end(), v + kU, v + kV + 1);
+      if (!read_row(element, [](const PlyProperty&) { return false; })) return ends_early(element);
+      append_channels(places, kX, kZ, mesh_.positions);
+      if (has_normals) append_channels(places, kNx, kNz, mesh_.normals);
+      if (has_texcoords) append_channels(places, kU, kV, mesh_.texcoords);
+      append_attributes(attributes, first, 1);
     }
     return std::nullopt;
   }
@@ -217,12 +260,13 @@ class BodyParser {
     if (std::none_of(element.properties.begin(), element.properties.end(), holds_indices)) {
       return error("the faces of a PLY file need the list property vertex_indices");
     }
+    const std::vector<PlyAttribute> attributes = find_attributes(element, "face_");
+    const size_t first = add_attributes(attributes, true);
+    mesh_.indices.reserve(mesh_.indices.size() + 3 * element.count);
     for (uint64_t i = 0; i < element.count; ++i) {
-      for (const PlyProperty& property : element.properties) {
-        if (!skip(property)) return ends_early(element);
-        if (!holds_indices(property)) continue;
-        if (std::optional<Error> problem = add_face()) return problem;
-      }
+      if (!read_row(element, holds_indices)) return ends_early(element);
+      if (std::optional<Error> problem = add_face()) return problem;
+      append_attributes(attributes, first, corners_.size() - 2);
     }
     return std::nullopt;
   }
@@ -246,13 +290,20 @@ class BodyParser {
                        std::to_string(mesh_.vertex_count()) + " (numbered from 0)",
                    {file_name_}};
     }
+    // Faces in several elements need not have the same attributes.
+    std::erase_if(mesh_.attributes, [&](const scene::MeshAttribute& attribute) {
+      const size_t entries = attribute.per_face ? mesh_.indices.size() / 3 : mesh_.vertex_count();
+      return attribute.values.size() != attribute.channels * entries;
+    });
     return std::move(mesh_);
   }
 
   const PlyHeader& header_;
   const std::string& file_name_;
   ValueReader values_;
+  std::vector<double> row_;
   std::vector<double> list_;
+  std::vector<double> unused_;
   std::vector<uint32_t> corners_;
   RawMesh mesh_;
 };

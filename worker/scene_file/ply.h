@@ -9,8 +9,9 @@
 
 namespace metrofarm::scene_file {
 
-// Reads vertex x y z, optional nx ny nz and u v (or s t), and face vertex_indices (vertex_index);
-// everything else is skipped. Errors name file_name and, for the header and ascii bodies, the line.
+// Reads vertex x y z, optional nx ny nz and u v (or s t), face vertex_indices (vertex_index) and
+// the attributes of both (ply_attributes.h); everything else is skipped. Errors name file_name and,
+// for the header and ascii bodies, the line.
 Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name);
 
 }  // namespace metrofarm::scene_file

@@ -17,6 +17,7 @@ enum Flags : uint32_t {
   kHasNormals = 0x0001,
   kHasTexcoords = 0x0002,
   kHasColours = 0x0008,
+  kFaceNormals = 0x0010,
   kSinglePrecision = 0x1000,
   kDoublePrecision = 0x2000,
 };
@@ -135,8 +136,11 @@ bool read_vertices(Inflater& in, uint32_t flags, uint64_t count, RawMesh& mesh) 
   if (!in.read_array<Real>(mesh.positions, 3 * count)) return false;
   if ((flags & kHasNormals) && !in.read_array<Real>(mesh.normals, 3 * count)) return false;
   if ((flags & kHasTexcoords) && !in.read_array<Real>(mesh.texcoords, 2 * count)) return false;
-  std::vector<double> colours;
-  return !(flags & kHasColours) || in.read_array<Real>(colours, 3 * count);
+  if (!(flags & kHasColours)) return true;
+  scene::MeshAttribute colours{"vertex_color", 3, false, {}};
+  if (!in.read_array<Real>(colours.values, 3 * count)) return false;
+  mesh.attributes.push_back(std::move(colours));
+  return true;
 }
 
 }  // namespace
@@ -155,6 +159,7 @@ Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index) {
   if (vertex_count > UINT32_MAX || triangle_count > UINT32_MAX) return truncated();
 
   RawMesh mesh;
+  mesh.face_normals = (flags & kFaceNormals) != 0;
   const bool doubles = (flags & kDoublePrecision) != 0;
   // Old files have neither flag and hold floats.
   if (doubles && (flags & kSinglePrecision)) return truncated();

@@ -9,7 +9,8 @@
 
 namespace metrofarm::scene_file {
 
-// The mesh with the given index (from 0). Colours are skipped. Errors have no location.
+// The mesh with the given index (from 0). Colours become the attribute
+// vertex_color. Errors have no location.
 Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index);
 
 }  // namespace metrofarm::scene_file

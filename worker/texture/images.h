@@ -1,6 +1,7 @@
 // The pixels of all images of a scene, for textures and environment maps.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -15,6 +16,8 @@ class Images {
  public:
   // Pixels are moved, not copied.
   explicit Images(std::vector<scene::Image>&& images);
+  Images(Images&&) = default;
+  Images& operator=(Images&&) = default;
 
   int width(scene::Index image) const;
   int height(scene::Index image) const;
@@ -25,6 +28,23 @@ class Images {
   scene::Rgb pixel(scene::Index image, int x, int y) const;
 
   uint64_t bytes() const;
+
+ private:
+  // Where one image's pixels lie and what they mean. Exactly one of `bytes` and `floats` is set.
+  struct Record {
+    const uint8_t* bytes = nullptr;
+    const float* floats = nullptr;
+    const float* decode = nullptr;  // of the 256 byte values
+    size_t row = 0;                 // values per row
+    int channels = 1;
+    int green = 0, blue = 0;  // channels after the first one that hold them; 0 in grey images
+
+    scene::Rgb at(int x, int y) const;
+  };
+
+  std::vector<scene::Image> images_;
+  std::vector<float> decode_;
+  std::vector<Record> records_;
 };
 
 }  // namespace metrofarm::texture

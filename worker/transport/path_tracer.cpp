@@ -34,6 +34,7 @@ Float power_heuristic(Float a, Float b) {
 struct PathTracer::State {
   Mask active;
   Vec3 origin, direction;
+  Float far;  // of the camera ray
   Spectrum throughput = splat(1.F);
   Spectrum radiance = splat(0.F);
   Float pdf_solid_angle = Float(0.F);  // of the last scattered direction
@@ -71,7 +72,7 @@ Contribution PathTracer::trace(SampleSource& source, const RasterWindow& window,
   }
   const sensor::CameraRay ray = camera_.ray(result.raster_x, result.raster_y, lens);
 
-  State path{.active = lanes, .origin = ray.origin, .direction = ray.direction};
+  State path{.active = lanes, .origin = ray.origin, .direction = ray.direction, .far = ray.t_max};
   for (int depth = 1; depth <= depth_limit_ && any(path.active); ++depth) {
     const Vertex vertex = meet(path, source, depth);
     add_emission(path, vertex, depth);
@@ -88,6 +89,7 @@ PathTracer::Vertex PathTracer::meet(State& path, SampleSource& source, int depth
   Vertex v;
   costs_.rays += __builtin_popcount(bits(path.active));
   v.hits = scene_.tracer().intersect(path.active, path.origin, path.direction);
+  if (depth == 1) v.hits.hit = v.hits.hit & (v.hits.t <= path.far);  // the camera's far plane
   const Mask missed = path.active & ~v.hits.hit;
   if (any(missed)) add_environment(path, missed, depth);
   path.active = v.hits.hit;

@@ -1,14 +1,17 @@
 // What the loaders of the single plugins share while a scene is built.
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "scene/description.h"
 #include "scene_file/file_access.h"
+#include "scene_file/mesh_queue.h"
 #include "scene_file/mitsuba/properties.h"
 
 namespace metrofarm::scene_file::mitsuba {
@@ -25,6 +28,18 @@ struct Context {
   std::unordered_set<const Element*> attached_emitters = {};
   scene::Index default_bsdf = scene::kNone;
   scene::Index black_bsdf = scene::kNone;
+
+  // Textures too, each once for lights (where constant spectra mean another colour) and once for
+  // the rest; images by file and decoding.
+  std::map<std::pair<const Element*, bool>, scene::Colour> textures = {};
+  std::unordered_set<const Element*> textures_in_progress = {};
+  std::map<std::string, scene::Index> images = {};
+
+  // Mesh files are read at the end. Groups are loaded when first instanced, and once.
+  MeshQueue meshes = {};
+  std::unordered_map<const Element*, scene::Index> groups = {};
+  std::unordered_set<const Element*> shapes_in_progress = {};
+  scene::Index null_bsdf = scene::kNone;
 
   Properties properties_of(const Element& element) {
     return Properties(element, document, problems);

@@ -11,7 +11,9 @@ const std::vector<TagInfo>& tag_table() {
         {"spectrum", kParameter, {"name", "value", "type", "id", "filename", "intent"}},
         {"rgb", kParameter, {"name", "value", "intent"}},
         {"srgb", kParameter, {"name", "value", "intent"}},
-        {"transform", kParameter, {"name", "id", "type"}},
+        {"blackbody", kParameter, {"name", "temperature", "scale"}},
+        {"transform", kParameter, {"name", "id", "type", "time"}},
+        {"animation", kParameter, {"name", "id"}},
         {"point", kParameter, {"name", "value", "x", "y", "z"}},
         {"vector", kParameter, {"name", "value", "x", "y", "z"}},
         {"matrix", kStep, {"value"}},
@@ -23,6 +25,7 @@ const std::vector<TagInfo>& tag_table() {
         {"include", kDirective, {"filename"}},
         {"alias", kDirective, {"id", "as"}},
         {"path", kDirective, {"value"}},
+        {"null", kDirective, {"name", "id", "type"}},
     };
     for (std::string_view tag :
          {"scene", "integrator", "sensor", "film", "rfilter", "sampler", "bsdf", "texture",

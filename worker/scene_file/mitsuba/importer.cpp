@@ -1,10 +1,14 @@
 #include "scene_file/mitsuba/importer.h"
 
+#include <algorithm>
+#include <optional>
+
 #include "scene_file/mitsuba/bsdfs.h"
 #include "scene_file/mitsuba/context.h"
 #include "scene_file/mitsuba/document.h"
 #include "scene_file/mitsuba/emitters.h"
-#include "scene_file/mitsuba/sensor_film.h"
+#include "scene_file/mitsuba/integrator.h"
+#include "scene_file/mitsuba/sensor.h"
 #include "scene_file/mitsuba/shapes.h"
 
 namespace metrofarm::scene_file::mitsuba {
@@ -51,17 +55,28 @@ class SceneBuilder {
 
   void load_shapes() {
     const std::vector<const Element*> shapes = properties_.objects("shape");
+    size_t at_once = 0;  // shapes that need no file
     for (size_t i = 0; i < shapes.size() && !context_.problems.failed(); ++i) {
-      report(static_cast<double>(i) / static_cast<double>(shapes.size()), *shapes[i]);
+      const size_t queued = context_.meshes.size();
+      const std::string& id = shapes[i]->get("id");
+      report(at_once, shapes.size(), shapes[i]->describe() + (id.empty() ? "" : " " + id));
       load_shape(*shapes[i], context_);
+      if (context_.meshes.size() == queued) ++at_once;
     }
+    if (context_.problems.failed()) return;
+    const auto report_mesh = [&](size_t done, const std::string& name) {
+      report(at_once + done, at_once + context_.meshes.size(), name);
+    };
+    std::optional<Error> error =
+        context_.meshes.load(context_.files, context_.scene.shapes, report_mesh);
+    if (error) return context_.problems.fail(std::move(*error));
     if (options_.progress) options_.progress(1, "scene loaded");
   }
 
-  void report(double fraction, const Element& shape) {
+  void report(size_t done, size_t all, const std::string& name) {
     if (!options_.progress) return;
-    const std::string& id = shape.get("id");
-    options_.progress(fraction, id.empty() ? shape.describe() : shape.describe() + " " + id);
+    fraction_ = std::max(fraction_, static_cast<double>(done) / static_cast<double>(all));
+    options_.progress(fraction_, name);
   }
 
   void warn_about_unused_lights() {
@@ -75,6 +90,7 @@ class SceneBuilder {
   Context& context_;
   const LoadOptions& options_;
   Properties properties_;
+  double fraction_ = 0;
 };
 
 }  // namespace

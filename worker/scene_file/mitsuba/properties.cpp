@@ -57,7 +57,9 @@ Properties::Properties(const Element& element, const Document& document, Problem
     if (!target) continue;
     const std::string& name = child.get("name");
     const TagInfo* info = find_tag(child.tag);
-    if (name.empty() && info && info->kind == TagKind::kParameter) {
+    // Mitsuba 2 writes textures as <spectrum type="bitmap">.
+    const bool is_plugin = child.find("type") != nullptr;
+    if (name.empty() && info && info->kind == TagKind::kParameter && !is_plugin) {
       problems.fail("<" + child.tag + "> needs a name here", child.where);
     }
     const bool repeated = std::any_of(slots_.begin(), slots_.end(), [&](const Slot& slot) {
@@ -174,8 +176,17 @@ Point Properties::point(std::string_view name, const Point& fallback) {
 }
 
 Matrix Properties::transform(std::string_view name) {
-  const Element* child = expect(name, {"transform"});
-  return child ? read_transform(*child, problems_) : kIdentity;
+  const Element* child = expect(name, {"transform", "animation"});
+  if (!child) return kIdentity;
+  if (child->tag == "transform") return read_transform(*child, problems_);
+  const std::vector<scene::Keyframe> keys = read_animation(*child, problems_);
+  return keys.empty() ? kIdentity : keys[0].to_world;
+}
+
+std::vector<scene::Keyframe> Properties::keyframes(std::string_view name) {
+  const Element* child = find(name);
+  if (!child || child->tag != "animation") return {};
+  return read_animation(*child, problems_);
 }
 
 std::vector<const Element*> Properties::objects(std::string_view tag) {
@@ -188,6 +199,11 @@ std::vector<const Element*> Properties::objects(std::string_view tag) {
   return found;
 }
 
+bool Properties::has_object(std::string_view tag) const {
+  return std::any_of(slots_.begin(), slots_.end(),
+                     [&](const Slot& slot) { return slot.target->tag == tag; });
+}
+
 const Element* Properties::object(std::string_view tag) {
   const std::vector<const Element*> found = objects(tag);
   if (found.size() > 1) {
@@ -197,7 +213,9 @@ const Element* Properties::object(std::string_view tag) {
 }
 
 void Properties::ignore(std::initializer_list<std::string_view> names) {
-  for (std::string_view name : names) find(name);
+  for (Slot& slot : slots_) {
+    if (std::find(names.begin(), names.end(), slot.name) != names.end()) slot.asked = true;
+  }
 }
 
 void Properties::finish() {
@@ -209,7 +227,10 @@ void Properties::finish() {
 void Properties::report_unasked(const Slot& slot) {
   const std::string& tag = slot.target->tag;
   if (tag == "medium" || tag == "phase" || tag == "volume") {
-    problems_.unsupported("participating media are not supported", slot.child->where);
+    problems_.unsupported(problems_.lenient()
+                              ? "participating media are not supported; the medium is left out"
+                              : "participating media are not supported",
+                          slot.child->where);
   } else if (slot.name.empty()) {
     problems_.unsupported(slot.target->describe() + " has no place in " + element_.describe(),
                           slot.child->where);

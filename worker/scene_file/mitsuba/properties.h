@@ -28,7 +28,9 @@ class Properties {
   bool boolean(std::string_view name, bool fallback);
   std::string text(std::string_view name, std::string_view fallback);
   Point point(std::string_view name, const Point& fallback);
-  Matrix transform(std::string_view name);  // identity if absent
+  Matrix transform(std::string_view name);  // identity if absent; the first key of an animation
+  // The keys of an <animation>; empty if the parameter is absent or a <transform>.
+  std::vector<scene::Keyframe> keyframes(std::string_view name);
 
   // Like number and integer; values outside [lowest, highest] are a problem.
   double number_in(std::string_view name, double fallback, double lowest, double highest);
@@ -39,10 +41,12 @@ class Properties {
 
   // All nested or referenced objects with this tag, named or not, in document order.
   std::vector<const Element*> objects(std::string_view tag);
+  // Is there such an object? Doesn't ask for it.
+  bool has_object(std::string_view tag) const;
   // The only one of them; more are a problem, none is nullptr.
   const Element* object(std::string_view tag);
 
-  // Accepts parameters that have no effect here.
+  // Accepts parameters that have no effect here; they are not among what is suggested.
   void ignore(std::initializer_list<std::string_view> names);
 
   // Reports every child that nothing asked for.

@@ -5,7 +5,8 @@
 
 namespace metrofarm::scene_file::mitsuba {
 
-// Appends the shape with its material and light to the scene.
+// Appends the shape (or the instance) with its material and light to the scene. Mesh files are only
+// queued. A shapegroup comes with its first instance.
 void load_shape(const Element& element, Context& context);
 
 }  // namespace metrofarm::scene_file::mitsuba

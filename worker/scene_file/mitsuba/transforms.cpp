@@ -89,4 +89,26 @@ Matrix read_transform(const Element& transform, Problems& problems) {
   return m;
 }
 
+std::vector<scene::Keyframe> read_animation(const Element& animation, Problems& problems) {
+  std::vector<scene::Keyframe> keys;
+  for (const Element& child : animation.children) {
+    const auto time = parse_double(child.get("time"));
+    if (child.tag != "transform" || !time) {
+      problems.fail("<animation> takes <transform time=\"SECONDS\"> only", child.where);
+      return keys;
+    }
+    keys.push_back({*time, read_transform(child, problems)});
+  }
+  if (keys.empty()) {
+    problems.fail("<animation> needs at least one <transform time=\"SECONDS\">", animation.where);
+  }
+  const auto by_time = [](const auto& a, const auto& b) { return a.time < b.time; };
+  std::stable_sort(keys.begin(), keys.end(), by_time);
+  const auto same_time = [](const auto& a, const auto& b) { return a.time == b.time; };
+  if (std::adjacent_find(keys.begin(), keys.end(), same_time) != keys.end()) {
+    problems.fail("two <transform> of an <animation> have the same time", animation.where);
+  }
+  return keys;
+}
+
 }  // namespace metrofarm::scene_file::mitsuba

@@ -1,5 +1,8 @@
-// <transform>: steps in document order, each applied after those before it.
+// <transform>: steps in document order, each applied after those before it; <animation>: transforms
+// at given times.
 #pragma once
+
+#include <vector>
 
 #include "scene_file/affine.h"
 #include "scene_file/mitsuba/element.h"
@@ -8,5 +11,9 @@
 namespace metrofarm::scene_file::mitsuba {
 
 Matrix read_transform(const Element& transform, Problems& problems);
+
+// The <transform time="..."> children in the order of their times; at least one unless there is a
+// problem.
+std::vector<scene::Keyframe> read_animation(const Element& animation, Problems& problems);
 
 }  // namespace metrofarm::scene_file::mitsuba

@@ -3,7 +3,8 @@
 
 #include <cmath>
 
-#include "bsdf/materials.h"
+#include "bsdf/fresnel.h"
+#include "tests/bsdf/cases.h"
 #include "tests/support/lane_tools.h"
 #include "tests/support/statistics.h"
 
@@ -19,10 +20,11 @@ Vec3 at_cosine(double cosine) {
   return metrofarm::test::splat(Double3{0.6 * sine, -0.8 * sine, cosine});
 }
 
-Sample sample_of(const scene::Bsdf& bsdf, const Vec3& wo, float lobe) {
-  const Materials materials({bsdf});
-  const ShownLobe shown = materials.shown(Int(0), wo.z > Float(0.F), all_lanes());
-  return materials.sample(shown, all_lanes(), wo, {Float(lobe), {Float(0.3F), Float(0.6F)}});
+Sample sample_of(const scene::Bsdf& bsdf, const Vec3& wo, float lobe,
+                 Transport transport = Transport::kRadiance) {
+  const test::Shown shown(std::vector{bsdf});
+  return shown.materials().sample(shown.lobe(wo), all_lanes(), wo,
+                                  {Float(lobe), {Float(0.3F), Float(0.6F)}}, transport);
 }
 
 TEST(Conductor, MirrorsWithFresnelReflectance) {
@@ -82,14 +84,15 @@ TEST_P(DielectricTest, RefractsBySnellAndReflectsByMirror) {
 // lobe choice is 1, and reflection is chosen with the Fresnel probability. 80,000 samples, 1e-6.
 TEST_P(DielectricTest, LosesNoEnergy) {
   const auto [eta, cosine] = GetParam();
-  const Materials glass(
-      {{scene::Dielectric{static_cast<float>(eta), {1, 1, 1}, {1, 1, 1}}, "", {}}});
+  const test::Shown glass(std::vector<scene::Bsdf>{
+      {scene::Dielectric{static_cast<float>(eta), {1, 1, 1}, {1, 1, 1}}, "", {}}});
   const Vec3 wo = at_cosine(cosine);
-  const ShownLobe shown = glass.shown(Int(0), wo.z > Float(0.F), all_lanes());
+  const ShownLobe shown = glass.lobe(wo);
   metrofarm::test::UniformLanes random(5);
   metrofarm::test::Moments energy, reflected;
   for (int i = 0; i < 10000; ++i) {
-    const Sample s = glass.sample(shown, all_lanes(), wo, {random.next(), random.pair()});
+    const Sample s = glass.materials().sample(shown, all_lanes(), wo,
+                                              {random.next(), random.pair()}, Transport::kRadiance);
     const auto e = lanes_of(s.weight.x * sqr(s.eta));
     for (int lane = 0; lane < kLanes; ++lane) {
       energy.add(e[lane]);
@@ -126,6 +129,41 @@ TEST(Dielectric, TransmittanceAndReflectanceTintTheirPart) {
   EXPECT_FLOAT_EQ(lane_value(mirror.weight.y, 0), 0.8F);
   const Sample refracted = sample_of(glass, at_cosine(0.5), 0.99F);
   EXPECT_FLOAT_EQ(lane_value(refracted.weight.z, 0), 0.4F / 2.25F);
+}
+
+TEST(Dielectric, ImportanceIsNotScaledByRefraction) {
+  const scene::Bsdf glass{scene::Dielectric{1.5F, {1, 1, 1}, {1, 1, 1}}, "", {}};
+  const Sample s = sample_of(glass, at_cosine(0.5), 0.99F, Transport::kImportance);
+  EXPECT_EQ(lane_value(s.weight.x, 0), 1.F);
+}
+
+// Two faces reflect R + T R T + T R^3 T + ... = 2 R / (1 + R) and pass the rest straight on.
+TEST(ThinDielectric, PassesLightStraight) {
+  const scene::Bsdf sheet{
+      scene::ThinDielectric{1.5F, {0.9F, 0.8F, 0.7F}, {0.6F, 0.5F, 0.4F}}, "", {}};
+  for (double cosine : {0.9, 0.3, -0.3}) {
+    const Vec3 wo = at_cosine(cosine);
+    const float once = lane_value(fresnel_dielectric(xsimd::abs(wo.z), Float(1.5F)).reflectance, 0);
+    const float both = 2 * once / (1 + once);
+    const Sample mirror = sample_of(sheet, wo, both - 1e-3F);
+    EXPECT_EQ(lanes_of(mirror.wi.z), lanes_of(wo.z));
+    EXPECT_FLOAT_EQ(lane_value(mirror.weight.x, 0), 0.9F);
+    const Sample passed = sample_of(sheet, wo, both + 1e-3F);
+    EXPECT_EQ(lanes_of(passed.wi.x), lanes_of(-wo.x));
+    EXPECT_EQ(lanes_of(passed.wi.z), lanes_of(-wo.z));
+    EXPECT_FLOAT_EQ(lane_value(passed.weight.z, 0), 0.4F);
+    EXPECT_EQ(lane_value(passed.eta, 0), 1.F);
+    EXPECT_TRUE(all(passed.delta & mirror.delta));
+  }
+}
+
+TEST(Null, IsNotThere) {
+  for (double cosine : {0.9, -0.3}) {
+    const Sample s = sample_of({scene::Null{}, "", {}}, at_cosine(cosine), 0.5F);
+    EXPECT_TRUE(all(s.valid & s.delta));
+    EXPECT_EQ(lanes_of(s.wi.z), lanes_of(-at_cosine(cosine).z));
+    EXPECT_EQ(lane_value(s.weight.x, 0), 1.F);
+  }
 }
 
 }  // namespace

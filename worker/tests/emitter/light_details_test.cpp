@@ -1,8 +1,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "emitter/light_table.h"
+#include "tests/emitter/lights.h"
 #include "tests/support/lane_tools.h"
 #include "tests/support/scenes.h"
 #include "tests/support/statistics.h"
@@ -11,21 +14,8 @@ namespace metrofarm::emitter {
 namespace {
 
 using test::lane_of;
+using test::Lights;
 using test::SceneBuilder;
-
-struct Lights {
-  explicit Lights(SceneBuilder& builder)
-      : scene(builder.take()),
-        primitives(geometry::build_primitives(scene)),
-        table(scene, primitives) {}
-  LightSample sample(const Vec3& reference, Float choice, Vec2 u) const {
-    return table.sample(reference, choice, u, all_lanes());
-  }
-
-  scene::SceneDescription scene;
-  geometry::Primitives primitives;
-  LightTable table;
-};
 
 constexpr double kPiDouble = std::numbers::pi;
 
@@ -107,8 +97,9 @@ TEST(LightTable, EnvironmentsAddUp) {
   b.emitter(scene::ConstantEmitter{{0.5F, 0.5F, 0.5F}});
   const Lights lights(b);
   EXPECT_TRUE(lights.table.has_environment());
-  EXPECT_FLOAT_EQ(lane_value(lights.table.environment().y, 0), 2.5F);
-  EXPECT_NEAR(lane_value(lights.table.environment_pdf(), 0), 1 / (4 * kPiDouble), 1e-7);
+  EXPECT_FLOAT_EQ(lane_value(lights.table.environment(splat(0, 1, 0), all_lanes()).y, 0), 2.5F);
+  EXPECT_NEAR(lane_value(lights.table.environment_pdf(splat(0, 1, 0), all_lanes()), 0),
+              1 / (4 * kPiDouble), 1e-7);
 }
 
 TEST(LightTable, ASceneWithoutLightIsEmpty) {
@@ -144,6 +135,87 @@ TEST(LightTable, ExtremeChoicesPickALight) {
     const LightSample s = lights.sample(splat(10, 0, 0), Float(choice), {Float(0.5F), Float(0.5F)});
     EXPECT_TRUE(all(s.valid)) << choice;
   }
+}
+
+// Half of a disk's azimuths radiate: from a point of its axis half its solid angle is seen.
+// H0: mean = radiance x solid angle / 2; 80,000 samples, rate 1e-6.
+TEST(LightTable, ValuesOfATexturedLightIntegrateToWhatItShows) {
+  SceneBuilder b;
+  const scene::UvMatrix by_azimuth = {0, 0, 0.25F, 0, 1, 0};
+  b.description().textures.push_back(
+      {scene::CheckerboardTexture{{0.5F, 0.5F, 0.5F}, {0, 0, 0}, by_azimuth}, "", {}});
+  b.shape(test::disk({0, 0, 2}, 1.5, true), b.diffuse(0.5F),
+          b.emitter(scene::AreaEmitter{{{3, 3, 3}, 0}}));
+  const Lights lights(b);
+  EXPECT_TRUE(lights.table.wants_uv());
+  test::UniformLanes random(4);
+  test::Moments mean;
+  for (int i = 0; i < 10000; ++i) {
+    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    for (float v : test::lanes_of(s.value.x)) mean.add(v);
+  }
+  EXPECT_TRUE(test::has_mean(mean, 3 * 0.5 * kPiDouble * (1 - 2 / 2.5), 1e-6, 1e-4));
+}
+
+// One pixel of a map: a tent over two columns and two rows.
+// H0: mean = its integral over directions; 80,000 samples, rate 1e-6.
+TEST(LightTable, ValuesOfAMapIntegrateToItsRadiance) {
+  constexpr int kWidth = 19, kHeight = 11, kRow = 3;
+  SceneBuilder b;
+  b.description().images.push_back(test::map_image(
+      kWidth, kHeight, [](int x, int y) { return x == 18 && y == kRow ? 7.F : 0.F; }));
+  b.emitter(scene::EnvironmentEmitter{0, 2});
+  const Lights lights(b);
+  test::UniformLanes random(5);
+  test::Moments mean;
+  for (int i = 0; i < 10000; ++i) {
+    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    EXPECT_TRUE(all(s.valid));
+    for (float v : test::lanes_of(s.value.x)) mean.add(v);
+  }
+  const double angle = kPiDouble / (kHeight - 1);
+  // The integral of (1 - |t|) sin(angle (row + t)) over t in [-1, 1], times the angle.
+  const double rows = std::sin(angle * kRow) * 2 * (1 - std::cos(angle)) / angle;
+  const double integral = 2 * 7 * (2 * kPiDouble / kWidth) * rows;
+  EXPECT_TRUE(test::has_mean(mean, integral, 1e-6, 1e-4 * integral));
+  EXPECT_LT(std::sqrt(mean.variance()), 0.2 * integral);
+}
+
+TEST(LightTable, ABlackMapIsNoLight) {
+  SceneBuilder b;
+  b.description().images.push_back(test::map_image(4, 3, [](int, int) { return 0.F; }));
+  b.emitter(scene::EnvironmentEmitter{0, 1});
+  const Lights lights(b);
+  EXPECT_TRUE(lights.table.empty());
+  EXPECT_FALSE(lights.table.has_environment());
+}
+
+// Poles and the seam of the image lie between pixels like any other place.
+TEST(LightTable, MapsHaveNoHoles) {
+  SceneBuilder b;
+  b.description().images.push_back(test::map_image(3, 4, [](int, int) { return 1.F; }));
+  b.emitter(scene::EnvironmentEmitter{0, 1});
+  const Lights lights(b);
+  for (const Vec3& d : {splat(0, 1, 0), splat(0, -1, 0), splat(0, 0, -1), splat(-0.F, 0, -1),
+                        splat(1e-20F, 0, -1), splat(-1e-20F, 0, -1), splat(-1, 0, 0)}) {
+    EXPECT_NEAR(lane_value(lights.table.environment(d, all_lanes()).x, 0), 1, 1e-6);
+    EXPECT_NEAR(lane_value(lights.table.environment_pdf(d, all_lanes()), 0), 1 / (4 * kPiDouble),
+                1e-6);
+  }
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_TRUE(
+      std::isnan(lane_value(lights.table.environment(splat(nan, nan, nan), all_lanes()).x, 0)));
+}
+
+// What a very dim light adds is not lost: it is chosen, with the probability it claims.
+TEST(LightTable, TheDimmestLightIsChosen) {
+  SceneBuilder b;
+  b.emitter(scene::PointEmitter{{0, 0, 1}, {1e9F, 1e9F, 1e9F}});
+  b.emitter(scene::PointEmitter{{0, 0, -2}, {1, 1, 1}});
+  const Lights lights(b);
+  const LightSample s = lights.sample(splat(0.F), Float(kOneMinusEpsilon), {Float(0), Float(0)});
+  EXPECT_EQ(lane_value(s.direction.z, 0), -1);
+  EXPECT_NEAR(lane_value(s.value.x, 0), 0x1p24 / 4, 1);
 }
 
 }  // namespace

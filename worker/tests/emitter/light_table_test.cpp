@@ -5,13 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
-#include <string>
 
 #include "geometry/tracer.h"
+#include "tests/emitter/light_cases.h"
+#include "tests/emitter/lights.h"
 #include "tests/support/histogram.h"
 #include "tests/support/lane_tools.h"
-#include "tests/support/scenes.h"
 #include "tests/support/statistics.h"
 
 namespace metrofarm::emitter {
@@ -19,89 +18,14 @@ namespace {
 
 using test::Double3;
 using test::Histogram;
-using test::SceneBuilder;
 
-struct Case {
-  std::string name;
-  scene::SceneDescription scene;
-  Double3 reference;
-  // The part of the sphere that the histogram covers: an axis and 1 - cos of the half-angle.
-  Double3 axis = {0, 0, 1};
-  double one_minus_cos = 2;
-};
-
-Case make(std::string name, SceneBuilder& builder, Double3 reference) {
-  return {std::move(name), builder.take(), reference};
-}
-
-Case narrow(Case c, Double3 axis, double one_minus_cos) {
-  c.axis = normalize(axis);
-  c.one_minus_cos = one_minus_cos;
-  return c;
-}
-
-Case mesh_case(bool flip) {
-  SceneBuilder b;
-  b.shape(test::box({-1, -0.5, 1}, {1.5, 0.5, 2}), b.diffuse(0.5F), b.area_light(3), flip);
-  return make(flip ? "inside_a_box" : "outside_a_box", b,
-              flip ? Double3{0.3, 0.1, 1.7} : Double3{-1.5, 1.2, 0.2});
-}
-
-Case sphere_case(std::string name, Double3 reference, bool flip) {
-  SceneBuilder b;
-  b.shape(scene::Sphere{{0.2, -0.1, 0.3}, 1.5}, b.diffuse(0.5F), b.area_light(2), flip);
-  return make(std::move(name), b, reference);
-}
-
-Case disk_case() {
-  SceneBuilder b;
-  const double s = std::sqrt(0.5);
-  // An ellipse, tilted about x.
-  scene::Disk tilted{{1.5, 0, 0, 0.5, 0, 0.4 * s, -s, 0, 0, 0.4 * s, s, -0.5, 0, 0, 0, 1}};
-  b.shape(tilted, b.diffuse(0.5F), b.area_light(1));
-  return narrow(make("disk", b, {0.1, -1.2, 0.6}), {0.4, 1.7, -1.1}, 0.4);
-}
-
-Case constant_case() {
-  SceneBuilder b;
-  b.emitter(scene::ConstantEmitter{{1, 2, 3}});
-  b.shape(scene::Sphere{{2, 0, 0}, 1}, b.diffuse(0.5F));
-  return make("environment_partly_hidden", b, {0, 0, 0});
-}
-
-Case several_case() {
-  SceneBuilder b;
-  const scene::Index grey = b.diffuse(0.5F);
-  b.emitter(scene::ConstantEmitter{{0.3F, 0.3F, 0.3F}});
-  b.shape(scene::Sphere{{2, 0, 0.5}, 0.7}, grey, b.area_light(4));
-  b.shape(test::quad({-1, -1, -2}, {2, 0, 0}, {0, 2, 0}), grey, b.area_light(2));
-  b.shape(test::disk({0, 0, 3}, 0.8, true), grey, b.area_light(5));
-  b.shape(scene::Sphere{{1, 0, 0.2}, 0.2}, grey);
-  return make("several_partly_hidden", b, {0, 0, 0.1});
-}
-
-std::vector<Case> all_cases() {
-  std::vector<Case> cases = {mesh_case(false),
-                             mesh_case(true),
-                             sphere_case("sphere_from_outside", {2.5, 1, 0.4}, false),
-                             sphere_case("sphere_from_inside", {0.9, 0.3, -0.4}, true),
-                             disk_case(),
-                             constant_case(),
-                             several_case()};
-  cases.push_back(
-      narrow(sphere_case("sphere_from_afar", {300.2, -0.1, 0.3}, false), {-1, 0, 0}, 1.4e-5));
-  cases.push_back(
-      narrow(sphere_case("sphere_from_very_near", {1.7008, -0.1, 0.3}, false), {-1, 0, 0}, 1));
-  return cases;
-}
-
-class LightTableTest : public testing::TestWithParam<Case> {
+class LightTableTest : public testing::TestWithParam<test::LightCase> {
  protected:
   LightTableTest()
-      : scene_(GetParam().scene),
-        primitives_(geometry::build_primitives(scene_)),
+      : all_(GetParam().scene),
+        primitives_(all_.primitives),
         tracer_(primitives_, "avx2"),
-        lights_(scene_, primitives_),
+        lights_(all_.table),
         reference_(test::splat(GetParam().reference)),
         frame_(frame_around(test::splat(GetParam().axis))) {}
 
@@ -109,6 +33,7 @@ class LightTableTest : public testing::TestWithParam<Case> {
   struct Seen {
     Spectrum radiance;
     Float pdf_solid_angle;
+    Float cosine;  // 0 where nothing is hit
   };
   Seen look(const Vec3& direction) const;
   bool visible(const LightSample& s, int lane) const;
@@ -116,10 +41,10 @@ class LightTableTest : public testing::TestWithParam<Case> {
   Vec3 direction_at(Float u, Float v) const;
   Histogram expected_counts(double samples) const;
 
-  scene::SceneDescription scene_;
-  geometry::Primitives primitives_;
+  test::Lights all_;
+  const geometry::Primitives& primitives_;
   geometry::Tracer tracer_;
-  LightTable lights_;
+  const LightTable& lights_;
   Vec3 reference_;
   Frame frame_;
 };
@@ -127,14 +52,16 @@ class LightTableTest : public testing::TestWithParam<Case> {
 LightTableTest::Seen LightTableTest::look(const Vec3& direction) const {
   const geometry::RayHits hits = tracer_.intersect(all_lanes(), reference_, direction);
   const geometry::Surface surface =
-      geometry::surface_at(primitives_, hits, reference_, direction, false);
+      geometry::surface_at(primitives_, hits, reference_, direction, {.uv = lights_.wants_uv()});
   Seen seen;
+  seen.cosine = select(hits.hit, xsimd::abs(dot(surface.geometric_normal, direction)), Float(0.F));
   seen.radiance = lights_.emitted(surface, direction, hits.hit);
   const Mask lit = hits.hit & (max_component(seen.radiance) > Float(0.F));
   seen.pdf_solid_angle = keep(lit, lights_.pdf_of_hit(reference_, hits, surface, direction, lit));
   if (lights_.has_environment()) {
-    seen.radiance = select(hits.hit, seen.radiance, lights_.environment());
-    seen.pdf_solid_angle = select(hits.hit, seen.pdf_solid_angle, lights_.environment_pdf());
+    seen.radiance = select(hits.hit, seen.radiance, lights_.environment(direction, all_lanes()));
+    seen.pdf_solid_angle =
+        select(hits.hit, seen.pdf_solid_angle, lights_.environment_pdf(direction, all_lanes()));
   }
   return seen;
 }
@@ -224,7 +151,7 @@ TEST_P(LightTableTest, TheSampledDirectionMeetsWhatWasSampled) {
     const LightSample s = lights_.sample(reference_, random.next(), random.pair(), all_lanes());
     const Seen seen = look(s.direction);
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (!visible(s, lane)) continue;
+      if (!visible(s, lane) || lane_value(seen.cosine, lane) < GetParam().least_cosine) continue;
       ++compared;
       const double pdf = lane_value(s.pdf_solid_angle, lane);
       const double pdf_there = lane_value(seen.pdf_solid_angle, lane);
@@ -252,7 +179,7 @@ TEST_P(LightTableTest, DirectionsAreUnitVectors) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Lights, LightTableTest, testing::ValuesIn(all_cases()),
+INSTANTIATE_TEST_SUITE_P(Lights, LightTableTest, testing::ValuesIn(test::light_cases()),
                          [](const auto& tested) { return tested.param.name; });
 
 }  // namespace

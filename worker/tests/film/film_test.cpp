@@ -98,6 +98,9 @@ TEST(Splatter, WideFiltersLoseNoEnergyAtTheEdges) {
   for (const Filter& filter :
        {filter_of(ReconstructionFilter::kTent, 1), filter_of(ReconstructionFilter::kGaussian, 2),
         filter_of(ReconstructionFilter::kGaussian, 3.5),
+        filter_of(ReconstructionFilter::kMitchell, 2),
+        filter_of(ReconstructionFilter::kCatmullRom, 2),
+        filter_of(ReconstructionFilter::kLanczos, 3),
         filter_of(ReconstructionFilter::kBox, 1.25)}) {
     Film film({kSize, kSize, 1});
     Splatter splatter(film, filter);
@@ -118,6 +121,30 @@ TEST(Splatter, WideFiltersLoseNoEnergyAtTheEdges) {
       EXPECT_NEAR(double(plane[i]) / kFixedOne / expected, 1, 5e-3) << "value " << i;
     }
   }
+}
+
+// A splat at a pixel's corner and one whose neighbours get negative weights: fixed point holds both
+// signs, and a pixel's sum is the product of the weights along both axes.
+TEST(Splatter, NegativeLobesAreKept) {
+  const Filter lanczos = filter_of(ReconstructionFilter::kLanczos, 3);
+  Film film({12, 12, 1});
+  Splatter splatter(film, lanczos);
+  const float rgb[3] = {1, 0.5F, 3};
+  splatter.splat({}, 6.25F, 5.5F, rgb, mix64(9));
+  const auto plane = test::full_plane(film, 0);
+  const Filter::Span columns = lanczos.span(6.25F), rows = lanczos.span(5.5F);
+  int negative = 0;
+  for (int j = 0; j < rows.count; ++j) {
+    for (int i = 0; i < columns.count; ++i) {
+      const double w = double(columns.weight[i]) * rows.weight[j];
+      const size_t pixel = size_t(rows.first + j) * 12 + columns.first + i;
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(double(plane[3 * pixel + c]), w * rgb[c] * kFixedOne, 1);
+      negative += plane[3 * pixel] < 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(negative, 2);
+  EXPECT_EQ(splatter.digest(), test::digest_from_planes(film));
 }
 
 TEST(Splatter, StatisticsCountEachSplatOnceWhereItFalls) {

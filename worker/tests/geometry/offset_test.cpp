@@ -5,8 +5,7 @@
 #include <random>
 
 #include "geometry/surface.h"
-#include "tests/support/lane_tools.h"
-#include "tests/support/scenes.h"
+#include "tests/geometry/world.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -20,14 +19,6 @@ struct Case {
 
 class OffsetTest : public testing::TestWithParam<Case> {
  protected:
-  struct World {
-    explicit World(test::SceneBuilder& builder)
-        : scene(builder.take()), primitives(build_primitives(scene)), tracer(primitives, "avx2") {}
-    scene::SceneDescription scene;
-    Primitives primitives;
-    Tracer tracer;
-  };
-
   scene::Point center() const {
     const double c = GetParam().center * GetParam().scale;
     return {c, -0.7 * c, 0.4 * c};
@@ -44,7 +35,7 @@ void expect_no_return(const Tracer& tracer, const Primitives& primitives, const 
                       const Vec3& target, test::UniformLanes& random, int& tried) {
   const Vec3 direction = normalize(target - origin);
   const RayHits hits = tracer.intersect(all_lanes(), origin, direction);
-  const Surface s = surface_at(primitives, hits, origin, direction, false);
+  const Surface s = surface_at(primitives, hits, origin, direction, {});
   for (int i = 0; i < 4; ++i) {
     Vec3 out = random.direction();
     // Half of them nearly along the surface.
@@ -95,7 +86,7 @@ TEST_P(OffsetTest, SpheresAreMetAgainOnlyAcross) {
     const Vec3 origin = at(random.direction() * Float(4.F));
     const Vec3 direction = normalize(at(random.direction() * Float(0.7F)) - origin);
     const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-    const Surface s = surface_at(world.primitives, hits, origin, direction, false);
+    const Surface s = surface_at(world.primitives, hits, origin, direction, {});
     const Vec3 out = random.direction();
     const Float cosine = dot(out, s.geometric_normal);
     const Vec3 start = offset_origin(s.position, s.geometric_normal, s.offset, out);
@@ -109,6 +100,33 @@ TEST_P(OffsetTest, SpheresAreMetAgainOnlyAcross) {
   }
 }
 
+// A ray that leaves a tube's wall outwards is gone, one that leaves it inwards meets the far side.
+TEST_P(OffsetTest, CylindersAreMetAgainOnlyAcross) {
+  test::SceneBuilder b;
+  const scene::Point c = center();
+  const double s = GetParam().scale;
+  b.shape(scene::Cylinder{{0, 0, 100 * s, c[0] - 50 * s, s, 0, 0, c[1], 0, s, 0, c[2], 0, 0, 0, 1}},
+          b.diffuse(0.5F));
+  const World world(b);
+  test::UniformLanes random(6);
+  for (int i = 0; i < 3000; ++i) {
+    const Vec3 origin = at(random.direction() * Float(4.F));
+    const Vec3 direction = normalize(at(random.direction() * Float(0.7F)) - origin);
+    const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
+    const Surface surface = surface_at(world.primitives, hits, origin, direction, {});
+    const Vec3 out = random.direction();
+    const Float cosine = dot(out, surface.geometric_normal);
+    const Vec3 start =
+        offset_origin(surface.position, surface.geometric_normal, surface.offset, out);
+    const RayHits again = world.tracer.intersect(hits.hit, start, out);
+    EXPECT_TRUE(none(again.hit & (cosine > Float(0.F))));
+    const Mask deep = hits.hit & (cosine < Float(-0.1F));
+    EXPECT_EQ(bits(again.hit & deep), bits(deep));
+    const Float chord = Float(-2.F * static_cast<float>(s)) * cosine;
+    EXPECT_TRUE(none(deep & (again.t < chord * Float(0.9F))));
+  }
+}
+
 // The offset stays a small part of the shape wherever floats can resolve the shape.
 TEST_P(OffsetTest, OffsetsAreSmall) {
   test::SceneBuilder b;
@@ -117,7 +135,7 @@ TEST_P(OffsetTest, OffsetsAreSmall) {
   const Vec3 origin = at(splat(0, 0, 5));
   const RayHits hits = world.tracer.intersect(all_lanes(), origin, splat(0, 0, -1));
   ASSERT_TRUE(all(hits.hit));
-  const Surface s = surface_at(world.primitives, hits, origin, splat(0, 0, -1), false);
+  const Surface s = surface_at(world.primitives, hits, origin, splat(0, 0, -1), {});
   EXPECT_LT(lane_value(s.offset, 0), GetParam().scale * (1 + GetParam().center) * 1e-4);
   EXPECT_GT(lane_value(s.offset, 0), 0);
 }

@@ -4,37 +4,13 @@
 
 #include <cmath>
 
-#include "tests/support/lane_tools.h"
-#include "tests/support/scenes.h"
+#include "tests/geometry/world.h"
 
 namespace metrofarm::geometry {
 namespace {
 
 using test::Double3;
 using test::lane_of;
-
-struct World {
-  explicit World(test::SceneBuilder& builder)
-      : scene(builder.take()), primitives(build_primitives(scene)), tracer(primitives, "avx2") {}
-
-  // The surface that a ray meets. Requires: it meets one.
-  Surface look(Double3 from, Double3 direction) const {
-    const Vec3 o = test::splat(from), d = test::splat(normalize(direction));
-    const RayHits hits = tracer.intersect(all_lanes(), o, d);
-    EXPECT_TRUE(all(hits.hit));
-    return surface_at(primitives, hits, o, d, true);
-  }
-
-  scene::SceneDescription scene;
-  Primitives primitives;
-  Tracer tracer;
-};
-
-void expect_near(Double3 a, Double3 b, double tolerance) {
-  EXPECT_NEAR(a.x, b.x, tolerance);
-  EXPECT_NEAR(a.y, b.y, tolerance);
-  EXPECT_NEAR(a.z, b.z, tolerance);
-}
 
 TEST(Surface, FaceNormalsFollowTheWindingAndTheFlip) {
   for (bool flip : {false, true}) {
@@ -49,15 +25,6 @@ TEST(Surface, FaceNormalsFollowTheWindingAndTheFlip) {
       expect_near(lane_of(s.position, 0), {0.3, 0.2, 0}, 1e-6);
     }
   }
-}
-
-scene::TriangleMesh smooth_triangle() {
-  scene::TriangleMesh mesh;
-  mesh.positions = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-  mesh.normals = {0, 0, 1, 0.6F, 0, 0.8F, 0, 0.6F, 0.8F};
-  mesh.texcoords = {0, 0, 0, 2, 1, 0};
-  mesh.indices = {0, 1, 2};
-  return mesh;
 }
 
 TEST(Surface, SmoothNormalsAreInterpolatedAndNormalized) {
@@ -77,7 +44,7 @@ TEST(Surface, TheTangentFollowsTheTextureCoordinates) {
   test::SceneBuilder b;
   b.shape(smooth_triangle(), b.diffuse(0.5F));
   const Surface s = World(b).look({0.25, 0.5, 2}, {0, 0, -1});
-  expect_near(normalize(lane_of(s.tangent, 0)), {0, 1, 0}, 1e-6);
+  expect_near(normalize(lane_of(s.dp_du, 0)), {0, 1, 0}, 1e-6);
 }
 
 TEST(Surface, MeshesWithAndWithoutNormalsLiveTogether) {
@@ -110,7 +77,7 @@ TEST(Surface, SpheresHaveRadialNormalsAndPointsOnThem) {
       const Double3 radial = lane_of(s.position, 0) - Double3{1, 2, 3};
       EXPECT_NEAR(length(radial), 2, 1e-6);
       expect_near(lane_of(s.geometric_normal, 0), radial * (flip ? -0.5 : 0.5), 1e-6);
-      EXPECT_NEAR(dot(lane_of(s.tangent, 0), radial), 0, 1e-6);
+      EXPECT_NEAR(dot(lane_of(s.dp_du, 0), radial), 0, 2e-5);
     }
   }
 }
@@ -121,7 +88,52 @@ TEST(Surface, DisksHaveTheNormalOfTheirTransform) {
   const Surface s = World(b).look({9, 5.5, 6.5}, {-1, 0, 0});
   expect_near(lane_of(s.geometric_normal, 0), {1, 0, 0}, 1e-6);
   expect_near(lane_of(s.position, 0), {4, 5.5, 6.5}, 1e-5);
-  expect_near(normalize(lane_of(s.tangent, 0)), {0, 1, 0}, 1e-6);
+}
+
+TEST(Surface, MirroredDisksKeepTheNormalOfTheirTransform) {
+  test::SceneBuilder b;
+  b.shape(scene::Disk{{-2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}}, b.diffuse(0.5F));
+  const Surface s = World(b).look({0.3, 0.4, 3}, {0, 0, -1});
+  expect_near(lane_of(s.geometric_normal, 0), {0, 0, 1}, 1e-6);
+}
+
+TEST(Surface, CylindersHaveNormalsAwayFromTheirAxis) {
+  for (bool flip : {false, true}) {
+    test::SceneBuilder b;
+    b.shape(scene::Cylinder{{0, 0, 4, 1, 2, 0, 0, 2, 0, 2, 0, 3, 0, 0, 0, 1}}, b.diffuse(0.5F),
+            scene::kNone, flip);
+    const World world(b);
+    test::UniformLanes random(1);
+    for (int i = 0; i < 200; ++i) {
+      Double3 d = lane_of(random.direction(), 0);
+      d.x *= 0.3;
+      if (std::hypot(d.y, d.z) < 0.5) continue;  // leaves through an end
+      const Surface s = world.look({3.1, 2.2, 2.9}, d);
+      Double3 radial = lane_of(s.position, 0) - Double3{0, 2, 3};
+      radial.x = 0;
+      EXPECT_NEAR(length(radial), 2, 1e-6);
+      expect_near(lane_of(s.geometric_normal, 0), radial * (flip ? -0.5 : 0.5), 1e-6);
+    }
+  }
+}
+
+// Uniform by area: a point's height and azimuth are its surface coordinates.
+TEST(Surface, PointOnCylinderIsTheHitAtItsCoordinates) {
+  test::SceneBuilder b;
+  b.shape(scene::Cylinder{{0, 0, 4, 1, 2, 0, 0, 2, 0, 2, 0, 3, 0, 0, 0, 1}}, b.diffuse(0.5F));
+  const World world(b);
+  test::UniformLanes random(2);
+  const Vec2 uv = random.pair();
+  const TrianglePoint p = point_on_cylinder(world.primitives, Int(0), uv, all_lanes());
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Double3 n = lane_of(p.normal, lane);
+    const Surface s = world.look(lane_of(p.position, lane) + n, n * -1);
+    expect_near(lane_of(s.position, 0), lane_of(p.position, lane), 2e-6);
+    expect_near(lane_of(s.geometric_normal, 0), n, 1e-6);
+    EXPECT_NEAR(lane_value(s.point.uv.x, 0), lane_value(uv.x, lane), 1e-6);
+    EXPECT_NEAR(lane_value(s.point.uv.y, 0), lane_value(uv.y, lane), 1e-6);
+    EXPECT_EQ(lane_value(s.offset, 0), lane_value(p.offset, lane));
+  }
 }
 
 TEST(Surface, PointOnTriangleIsTheHitAtItsBarycentrics) {

@@ -76,7 +76,7 @@ TEST(Include, ErrorsNameTheIncludedFile) {
   directory.write("part.xml", "<scene version=\"3.0.0\">\n\n<shape type=\"spere\"/></scene>");
   EXPECT_EQ(error_of(directory, "<include filename=\"part.xml\"/>"),
             "part.xml:3: shape \"spere\" is not supported; did you mean \"sphere\"? (supported: "
-            "rectangle, cube, sphere, disk, obj, ply, serialized)");
+            "rectangle, cube, sphere, disk, cylinder, obj, ply, serialized)");
 }
 
 TEST(Include, MissingFileAndCyclesAreErrors) {
@@ -127,8 +127,7 @@ TEST(Elements, UnknownOnesAreErrorsWithTheNearestName) {
   EXPECT_EQ(error_of(R"(<shape type="sphere">
   <float name="radios" value="1"/></shape>)"),
             "scene.xml:3: unknown parameter \"radios\" of shape \"sphere\"; did you mean "
-            "\"radius\"? (supported: flip_normals, to_world, center, radius, "
-            "silhouette_sampling_weight)");
+            "\"radius\"? (supported: flip_normals, to_world, center, radius)");
   EXPECT_EQ(error_of("<float name=\"gain\" value=\"1\"/>"),
             "scene.xml:2: unknown parameter \"gain\" of <scene>");
   EXPECT_EQ(error_of("<shape type=\"sphere\"><film type=\"hdrfilm\"/></shape>"),
@@ -233,7 +232,8 @@ TEST(Scenes, UnknownExtensionsAreErrors) {
   const auto scene = load_scene(directory.write("scene.blend", ""), {});
   ASSERT_FALSE(scene);
   EXPECT_EQ(scene.error().message,
-            "no importer for files ending in \".blend\"; supported: .xml (Mitsuba XML)");
+            "no importer for files ending in \".blend\"; supported: .xml (Mitsuba XML), "
+            ".pbrt (pbrt-v4)");
 }
 
 TEST(Scenes, ReportProgress) {

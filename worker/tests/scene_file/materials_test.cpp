@@ -1,78 +1,43 @@
-// Colours, bsdfs and emitters. Numbers that aren't in the file were read from Mitsuba 3.9.1
-// (scalar_rgb).
-#include <gtest/gtest.h>
-
-#include "support.h"
+// Materials that nest no others, in both generations of the format. Numbers that aren't in the file
+// were read from Mitsuba 3.9.1 (scalar_rgb).
+#include "material_support.h"
 
 namespace metrofarm::scene_file::test {
 namespace {
 
 using scene::Rgb;
 
-std::string bsdf(const std::string& type, const std::string& content) {
-  return "<bsdf type=\"" + type + "\">\n" + content + "</bsdf>";
+const std::string kCheckerboard = "<texture type=\"checkerboard\" name=\"";
+
+std::string checkerboard(const std::string& name) {
+  return kCheckerboard + name + "\"/>";
 }
 
-template <class Model>
-Model load_bsdf(const std::string& type, const std::string& content) {
-  const auto scene = load_valid(bsdf(type, content));
-  EXPECT_FALSE(scene.bsdfs.empty());
-  return std::get<Model>(scene.bsdfs.at(0).model);
+TEST(Diffuse, ByNumberTextureAndOldName) {
+  EXPECT_EQ(load_bsdf<scene::Diffuse>("diffuse", "").reflectance.value, (Rgb{0.5F, 0.5F, 0.5F}));
+  const auto textured = load_bsdf<scene::Diffuse>("diffuse", checkerboard("reflectance"));
+  EXPECT_EQ(textured.reflectance.texture, 0);
+  EXPECT_EQ(textured.reflectance.value, (Rgb{1, 1, 1}));
+  const auto old = load_legacy_bsdf<scene::Diffuse>(
+      "diffuse", parameter("rgb", "diffuseReflectance", "0.1, 0.2, 0.3"));
+  EXPECT_EQ(old.reflectance.value, (Rgb{0.1F, 0.2F, 0.3F}));
 }
 
-Rgb reflectance(const std::string& content) {
-  return load_bsdf<scene::Diffuse>("diffuse", content).reflectance;
+TEST(RoughDiffuse, IsDiffuseWithAWarning) {
+  const auto scene = load_legacy(bsdf("roughdiffuse", parameter("rgb", "reflectance", "0.3")));
+  EXPECT_EQ(first_model<scene::Diffuse>(scene).reflectance.value, (Rgb{0.3F, 0.3F, 0.3F}));
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_EQ(scene.warnings[0].where.line, 2);
+  EXPECT_TRUE(load_legacy(bsdf("roughdiffuse", parameter("float", "alpha", "0"))).warnings.empty());
 }
 
-void expect_near(const Rgb& actual, const Rgb& expected) {
-  for (int i = 0; i < 3; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-5F * expected[i]) << i;
-}
-
-TEST(Colours, AllNotations) {
-  const Rgb expected = {0.1F, 0.2F, 0.3F};
-  EXPECT_EQ(reflectance("<rgb name=\"reflectance\" value=\"0.1, 0.2, 0.3\"/>"), expected);
-  EXPECT_EQ(reflectance("<rgb name=\"reflectance\" value=\" 0.1 0.2  0.3 \"/>"), expected);
-  const Rgb grey = {0.25F, 0.25F, 0.25F};
-  EXPECT_EQ(reflectance("<rgb name=\"reflectance\" value=\"0.25\"/>"), grey);
-  EXPECT_EQ(reflectance("<float name=\"reflectance\" value=\"0.25\"/>"), grey);
-  EXPECT_EQ(reflectance("<spectrum name=\"reflectance\" value=\"0.25\"/>"), grey);
-  EXPECT_EQ(reflectance(""), (Rgb{0.5F, 0.5F, 0.5F}));
-  expect_near(reflectance("<rgb name=\"reflectance\" value=\"#ff8000\"/>"), {1, 0.2158605F, 0});
-}
-
-TEST(Colours, ConstantSpectraOfEmittersAreWhiteOfEqualEnergy) {
-  const auto intensity = [](const std::string& tag) {
-    const auto scene = load_valid("<emitter type=\"point\"><" + tag +
-                                  " name=\"intensity\" value=\"3\"/></emitter>");
-    return std::get<scene::PointEmitter>(scene.emitters.at(0).model).intensity;
-  };
-  expect_near(intensity("spectrum"), {3.61438F, 2.84487F, 2.72675F});
-  EXPECT_EQ(intensity("rgb"), (Rgb{3, 3, 3}));
-  EXPECT_EQ(intensity("float"), (Rgb{3, 3, 3}));
-}
-
-TEST(Colours, Errors) {
-  const auto error = [](const std::string& element) { return error_of(bsdf("diffuse", element)); };
-  const std::string range =
-      "scene.xml:3: colour \"reflectance\" of bsdf \"diffuse\" must be between 0 and 1";
-  EXPECT_EQ(error("<rgb name=\"reflectance\" value=\"1.5, 0, 0\"/>"), range);
-  EXPECT_EQ(error("<rgb name=\"reflectance\" value=\"0, -1, 0\"/>"), range);
-  EXPECT_EQ(error("<rgb name=\"reflectance\" value=\"0.1, 0.2\"/>"),
-            "scene.xml:3: \"0.1, 0.2\" is not a colour: expected \"r, g, b\", one number or "
-            "\"#rrggbb\"");
-  EXPECT_NE(error("<rgb name=\"reflectance\" value=\"#12345g\"/>"), "");
-  EXPECT_EQ(error("<spectrum name=\"reflectance\" value=\"400:0.1, 700:0.2\"/>"),
-            "scene.xml:3: spectra of wavelength:value pairs, from files or of other kinds are not "
-            "supported yet; give an <rgb> or a constant <spectrum value=\"...\"/>");
-  EXPECT_EQ(error("<texture name=\"reflectance\" type=\"bitmap\"/>"),
-            "scene.xml:3: parameter \"reflectance\" of bsdf \"diffuse\" must be an <rgb>, "
-            "<spectrum> or <float>; texture \"bitmap\" is not supported here");
-  EXPECT_EQ(error("<rgb name=\"reflektance\" value=\"1\"/>"),
-            "scene.xml:3: unknown parameter \"reflektance\" of bsdf \"diffuse\"; did you mean "
-            "\"reflectance\"? (supported: reflectance)");
-  EXPECT_EQ(error_of("<emitter type=\"constant\"><rgb name=\"radiance\" value=\"-1\"/></emitter>"),
-            "scene.xml:2: colour \"radiance\" of emitter \"constant\" must be finite and not "
-            "negative");
+TEST(DiffuseTransmitter, ReadsTransmittance) {
+  EXPECT_EQ(load_legacy_bsdf<scene::DiffuseTransmitter>("difftrans", "").transmittance.value,
+            (Rgb{0.5F, 0.5F, 0.5F}));
+  EXPECT_EQ(
+      load_bsdf<scene::DiffuseTransmitter>("difftrans", parameter("rgb", "transmittance", "0.2"))
+          .transmittance.value,
+      (Rgb{0.2F, 0.2F, 0.2F}));
 }
 
 TEST(Conductor, ByNumbersNamesAndDefault) {
@@ -89,7 +54,7 @@ TEST(Conductor, ByNumbersNamesAndDefault) {
       "<rgb name=\"specular_reflectance\" value=\"0.3\"/>");
   EXPECT_EQ(numbers.eta, (Rgb{0.2F, 0.9F, 1.1F}));
   EXPECT_EQ(numbers.k, (Rgb{2, 2, 2}));
-  EXPECT_EQ(numbers.specular_reflectance, (Rgb{0.3F, 0.3F, 0.3F}));
+  EXPECT_EQ(numbers.specular_reflectance.value, (Rgb{0.3F, 0.3F, 0.3F}));
 }
 
 TEST(Conductor, Errors) {
@@ -107,12 +72,12 @@ TEST(RoughConductor, ReadsRoughness) {
       "<string name=\"distribution\" value=\"GGX\"/><float name=\"alpha_u\" value=\"0.2\"/>"
       "<float name=\"alpha_v\" value=\"0\"/><boolean name=\"sample_visible\" value=\"true\"/>");
   EXPECT_EQ(model.distribution, scene::Microfacet::kGgx);
-  EXPECT_EQ(model.alpha_u, 0.2F);
-  EXPECT_EQ(model.alpha_v, 1e-4F);
+  EXPECT_EQ(model.alpha_u.value, 0.2F);
+  EXPECT_EQ(model.alpha_v.value, 1e-4F);
   const auto plain = load_bsdf<scene::RoughConductor>("roughconductor", "");
   EXPECT_EQ(plain.distribution, scene::Microfacet::kBeckmann);
-  EXPECT_EQ(plain.alpha_u, 0.1F);
-  EXPECT_EQ(plain.alpha_v, 0.1F);
+  EXPECT_EQ(plain.alpha_u.value, 0.1F);
+  EXPECT_EQ(plain.alpha_v.value, 0.1F);
 }
 
 TEST(RoughConductor, Errors) {
@@ -145,22 +110,187 @@ TEST(Dielectric, ByNumbersNamesAndDefault) {
             "scene.xml:3: parameter \"ext_ior\" must be greater than 0");
 }
 
-TEST(TwoSided, HasOneOrTwoReflectiveSides) {
-  const auto scene =
-      load_valid(bsdf("twosided", "<bsdf type=\"diffuse\"/><bsdf type=\"conductor\"/>") +
-                 bsdf("twosided", "<bsdf type=\"diffuse\"/>"));
-  ASSERT_EQ(scene.bsdfs.size(), 6U);  // and the sphere's default
-  const auto& both = std::get<scene::TwoSided>(scene.bsdfs[2].model);
-  EXPECT_TRUE(std::holds_alternative<scene::Diffuse>(scene.bsdfs[both.front].model));
-  EXPECT_TRUE(std::holds_alternative<scene::Conductor>(scene.bsdfs[both.back].model));
-  const auto& same = std::get<scene::TwoSided>(scene.bsdfs[4].model);
-  EXPECT_EQ(same.front, same.back);
-  EXPECT_EQ(
-      error_of(bsdf("twosided", "")),
-      "scene.xml:2: a twosided bsdf needs one or two nested bsdfs, for the front and the back");
-  EXPECT_EQ(error_of(bsdf("twosided", "<bsdf type=\"dielectric\"/>")),
-            "scene.xml:2: a bsdf inside twosided must only reflect: a dielectric already has two "
-            "sides, use it without twosided");
+TEST(Conductor, OldDefaultsAreCopperInAir) {
+  constexpr float kAir = 1.000277F;
+  const auto copper = load_legacy_bsdf<scene::Conductor>("conductor", "");
+  expect_near(copper.eta, {0.2010055F / kAir, 0.9237495F / kAir, 1.102215F / kAir});
+  const auto numbers = load_legacy_bsdf<scene::RoughConductor>(
+      "roughconductor", parameter("spectrum", "eta", "3") + parameter("spectrum", "k", "6") +
+                            parameter("float", "extEta", "1.5") +
+                            parameter("float", "alphaU", "0.2") +
+                            parameter("float", "alphaV", "0.3"));
+  EXPECT_EQ(numbers.eta, (Rgb{2, 2, 2}));
+  EXPECT_EQ(numbers.k, (Rgb{4, 4, 4}));
+  EXPECT_EQ(numbers.alpha_u.value, 0.2F);
+  EXPECT_EQ(numbers.alpha_v.value, 0.3F);
+  const auto mirror =
+      load_legacy_bsdf<scene::Conductor>("conductor", parameter("string", "material", "none"));
+  EXPECT_EQ(mirror.eta, (Rgb{0, 0, 0}));
+  EXPECT_EQ(error_of(bsdf("conductor", parameter("float", "ext_eta", "1"))).substr(0, 33),
+            "scene.xml:3: unknown parameter \"e");
+}
+
+TEST(Conductor, TakesNoTexturedIndices) {
+  EXPECT_EQ(error_of(bsdf("conductor", checkerboard("eta"))),
+            "scene.xml:3: parameter \"eta\" of bsdf \"conductor\" must be an <rgb>, <spectrum> or "
+            "<float>; texture \"checkerboard\" is not supported here");
+}
+
+TEST(RoughConductor, TexturedRoughness) {
+  const auto model = load_bsdf<scene::RoughConductor>(
+      "roughconductor", checkerboard("alpha") + checkerboard("specular_reflectance"));
+  EXPECT_EQ(model.alpha_u.texture, 0);
+  EXPECT_EQ(model.alpha_v.texture, 0);
+  EXPECT_EQ(model.alpha_u.value, 1);
+  EXPECT_EQ(model.specular_reflectance.texture, 1);
+}
+
+TEST(RoughConductor, OldDistributions) {
+  const std::string phong = bsdf("roughconductor", parameter("string", "distribution", "phong"));
+  EXPECT_EQ(legacy_error_of(phong),
+            "scene.xml:3: the microfacet distribution \"phong\" of Mitsuba 0.6 is not supported; "
+            "the nearest is \"beckmann\"");
+  EXPECT_NE(error_of(phong).find("unknown microfacet distribution"), std::string::npos);
+  const LoadOptions lenient{.lenient = true};
+  EXPECT_EQ(load_valid(phong, lenient).warnings.size(), 1U);
+}
+
+TEST(ThinDielectric, DefaultsAndParameters) {
+  EXPECT_FLOAT_EQ(load_bsdf<scene::ThinDielectric>("thindielectric", "").eta, 1.504183292F);
+  const auto model = load_legacy_bsdf<scene::ThinDielectric>(
+      "thindielectric", parameter("float", "intIOR", "1.5") + parameter("float", "extIOR", "1") +
+                            parameter("spectrum", "specularTransmittance", "0.9") +
+                            parameter("spectrum", "specularReflectance", "0.8"));
+  EXPECT_FLOAT_EQ(model.eta, 1.5F);
+  EXPECT_EQ(model.specular_transmittance.value[1], 0.9F);
+  EXPECT_EQ(model.specular_reflectance.value[1], 0.8F);
+}
+
+TEST(RoughDielectric, DefaultsAndParameters) {
+  const auto plain = load_bsdf<scene::RoughDielectric>("roughdielectric", "");
+  EXPECT_EQ(plain.distribution, scene::Microfacet::kBeckmann);
+  EXPECT_EQ(plain.alpha_u.value, 0.1F);
+  EXPECT_FLOAT_EQ(plain.eta, 1.504183292F);
+  const auto model = load_bsdf<scene::RoughDielectric>(
+      "roughdielectric",
+      parameter("string", "distribution", "ggx") + parameter("float", "alpha", "0.4") +
+          parameter("string", "int_ior", "water") + checkerboard("specular_transmittance"));
+  EXPECT_EQ(model.distribution, scene::Microfacet::kGgx);
+  EXPECT_EQ(model.alpha_v.value, 0.4F);
+  EXPECT_FLOAT_EQ(model.eta, 1.333F / 1.000277F);
+  EXPECT_EQ(model.specular_transmittance.texture, 0);
+  EXPECT_EQ(error_of(bsdf("roughdielectric", parameter("string", "int_ior", "air"))),
+            "scene.xml:2: bsdf \"roughdielectric\" needs different indices of refraction inside "
+            "and outside");
+}
+
+TEST(Plastic, DefaultsAndParameters) {
+  const auto plain = load_bsdf<scene::Plastic>("plastic", "");
+  EXPECT_FLOAT_EQ(plain.eta, 1.489587390F);
+  EXPECT_EQ(plain.diffuse_reflectance.value, (Rgb{0.5F, 0.5F, 0.5F}));
+  EXPECT_EQ(plain.specular_reflectance.value, (Rgb{1, 1, 1}));
+  EXPECT_FALSE(plain.nonlinear);
+  const auto model = load_legacy_bsdf<scene::Plastic>(
+      "plastic", parameter("boolean", "nonlinear", "true") +
+                     parameter("rgb", "diffuseReflectance", "0.1") +
+                     parameter("float", "intIOR", "1.9"));
+  EXPECT_TRUE(model.nonlinear);
+  EXPECT_EQ(model.diffuse_reflectance.value[0], 0.1F);
+  EXPECT_FLOAT_EQ(model.eta, 1.9F / 1.000277F);
+}
+
+TEST(RoughPlastic, DefaultsAndParameters) {
+  const auto plain = load_bsdf<scene::RoughPlastic>("roughplastic", "");
+  EXPECT_EQ(plain.alpha, 0.1F);
+  EXPECT_EQ(plain.distribution, scene::Microfacet::kBeckmann);
+  const auto model = load_bsdf<scene::RoughPlastic>(
+      "roughplastic",
+      parameter("float", "alpha", "0") + parameter("string", "distribution", "ggx") +
+          checkerboard("diffuse_reflectance") + parameter("boolean", "nonlinear", "true"));
+  EXPECT_EQ(model.alpha, 1e-4F);
+  EXPECT_EQ(model.distribution, scene::Microfacet::kGgx);
+  EXPECT_EQ(model.diffuse_reflectance.texture, 0);
+  EXPECT_TRUE(model.nonlinear);
+  EXPECT_EQ(error_of(bsdf("roughplastic", checkerboard("alpha"))),
+            "scene.xml:3: parameter \"alpha\" of bsdf \"roughplastic\" must be a <float>, not a "
+            "<texture>");
+}
+
+TEST(Phong, DefaultsAndParameters) {
+  const auto plain = load_legacy_bsdf<scene::Phong>("phong", "");
+  EXPECT_EQ(plain.exponent.value, 30);
+  EXPECT_EQ(plain.diffuse_reflectance.value, (Rgb{0.5F, 0.5F, 0.5F}));
+  EXPECT_EQ(plain.specular_reflectance.value, (Rgb{0.2F, 0.2F, 0.2F}));
+  const auto model = load_legacy_bsdf<scene::Phong>(
+      "phong", parameter("float", "exponent", "5") + checkerboard("diffuseReflectance") +
+                   parameter("spectrum", "specularReflectance", "0.1, 0.2, 0.3"));
+  EXPECT_EQ(model.exponent.value, 5);
+  EXPECT_EQ(model.diffuse_reflectance.texture, 0);
+  EXPECT_EQ(model.specular_reflectance.value, (Rgb{0.1F, 0.2F, 0.3F}));
+}
+
+TEST(Principled, DefaultsAndParameters) {
+  const auto plain = load_bsdf<scene::Principled>("principled", "");
+  EXPECT_EQ(plain.base_color.value, (Rgb{0.5F, 0.5F, 0.5F}));
+  EXPECT_EQ(plain.roughness.value, 0.5F);
+  EXPECT_EQ(plain.metallic.value, 0);
+  EXPECT_FLOAT_EQ(plain.eta, 1.5F);
+  const auto model = load_bsdf<scene::Principled>(
+      "principled", checkerboard("base_color") + checkerboard("roughness") +
+                        parameter("float", "metallic", "0.7") +
+                        parameter("float", "specular", "0.3") +
+                        parameter("float", "clearcoat_gloss", "0.9") +
+                        parameter("float", "main_specular_sampling_rate", "2"));
+  EXPECT_EQ(model.base_color.texture, 0);
+  EXPECT_EQ(model.roughness.texture, 1);
+  EXPECT_EQ(model.metallic.value, 0.7F);
+  EXPECT_FLOAT_EQ(model.eta, 1.3666379F);
+  EXPECT_EQ(model.clearcoat_gloss.value, 0.9F);
+  EXPECT_EQ(model.main_specular_sampling_rate, 2);
+  EXPECT_EQ(load_bsdf<scene::Principled>("principled", parameter("float", "eta", "1.3")).eta, 1.3F);
+}
+
+TEST(Principled, Errors) {
+  EXPECT_EQ(error_of(bsdf("principled", parameter("float", "specular", "0.5") +
+                                            parameter("float", "eta", "1.5"))),
+            "scene.xml:3: give either specular or eta, not both");
+  EXPECT_EQ(error_of(bsdf("principled", parameter("float", "metallic", "1.5"))),
+            "scene.xml:3: parameter \"metallic\" of bsdf \"principled\" must be between 0 and 1, "
+            "not 1.5");
+  EXPECT_EQ(error_of(bsdf("principled", parameter("float", "metalic", "1"))).substr(0, 87),
+            "scene.xml:3: unknown parameter \"metalic\" of bsdf \"principled\"; did you mean "
+            "\"metallic\"?");
+}
+
+TEST(PrincipledThin, DefaultsAndParameters) {
+  const auto plain = load_bsdf<scene::PrincipledThin>("principledthin", "");
+  EXPECT_EQ(plain.eta.value, 1.5F);
+  EXPECT_EQ(plain.diff_trans.value, 0);
+  const auto model = load_bsdf<scene::PrincipledThin>(
+      "principledthin", parameter("float", "diff_trans", "1.6") + checkerboard("spec_trans") +
+                            parameter("float", "diffuse_transmittance_sampling_rate", "3"));
+  EXPECT_EQ(model.diff_trans.value, 1.6F);
+  EXPECT_EQ(model.spec_trans.texture, 0);
+  EXPECT_EQ(model.diffuse_transmittance_sampling_rate, 3);
+}
+
+TEST(Null, HasNoParameters) {
+  load_bsdf<scene::Null>("null", "");
+  EXPECT_NE(error_of(bsdf("null", parameter("float", "opacity", "1"))), "");
+}
+
+TEST(UnsupportedBsdfs, NameTheNearest) {
+  const std::string coating = bsdf("coating", "<bsdf type=\"diffuse\"/>");
+  EXPECT_EQ(legacy_error_of(coating),
+            "scene.xml:2: bsdf \"coating\" is not supported; the nearest that is: \"plastic\"");
+  const LoadOptions lenient{.lenient = true};
+  const auto scene = load_valid(coating, lenient);
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_EQ(scene.warnings[0].message,
+            "bsdf \"coating\" is not supported; the nearest that is: \"plastic\"; a grey diffuse "
+            "bsdf takes its place");
+  EXPECT_EQ(error_of(bsdf("difuse", "")).substr(0, 67),
+            "scene.xml:2: bsdf \"difuse\" is not supported; did you mean \"diffuse\"");
 }
 
 TEST(Emitters, AreReadWhereTheyBelong) {
@@ -173,7 +303,7 @@ TEST(Emitters, AreReadWhereTheyBelong) {
   EXPECT_EQ(std::get<scene::PointEmitter>(scene.emitters[0].model).position,
             (scene::Point{0, 4, 0}));
   EXPECT_EQ(std::get<scene::ConstantEmitter>(scene.emitters[1].model).radiance, (Rgb{1, 1, 1}));
-  EXPECT_EQ(std::get<scene::AreaEmitter>(scene.emitters[2].model).radiance, (Rgb{1, 2, 3}));
+  EXPECT_EQ(std::get<scene::AreaEmitter>(scene.emitters[2].model).radiance.value, (Rgb{1, 2, 3}));
   EXPECT_EQ(scene.shapes.at(0).area_emitter, 2);
   EXPECT_TRUE(scene.warnings.empty());
 }
@@ -192,7 +322,7 @@ TEST(Emitters, Errors) {
             "scene.xml:2: give either position or to_world, not both");
   EXPECT_EQ(error_of("<emitter type=\"pont\"/>"),
             "scene.xml:2: emitter \"pont\" is not supported; did you mean \"point\"? (supported: "
-            "area, point, constant)");
+            "area, point, constant, envmap, spot, directional, projector, sunsky, sky, sun)");
   EXPECT_EQ(load_valid("<emitter type=\"constant\"/><emitter type=\"area\"/>").warnings.size(), 1U);
 }
 

@@ -169,5 +169,36 @@ TEST(Ply, ReadsBothByteOrders) {
   }
 }
 
+TEST(Ply, ReadsAttributesOfVerticesAndFaces) {
+  const std::string file =
+      "ply\nformat ascii 1.0\nelement vertex 4\n" + kXyz +
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float heat_a\n"
+      "property float alone\nelement face 1\nproperty list uchar int vertex_indices\n"
+      "property float r\nproperty float g\nproperty float b\nend_header\n"
+      "0 0 0 255 0 51 1 9\n1 0 0 255 0 0 2 9\n1 1 0 255 0 0 3 9\n0 1 0 255 0 0 4 9\n"
+      "4 0 1 2 3 0.1 0.2 0.3\n";
+  const auto mesh = load_mesh("m.ply", file);
+  ASSERT_EQ(mesh.attributes.size(), 3U);
+  EXPECT_EQ(mesh.attributes[0].name, "vertex_color");
+  EXPECT_EQ(mesh.attributes[0].channels, 3);
+  EXPECT_FLOAT_EQ(mesh.attributes[0].values.at(2), 0.2F);
+  EXPECT_EQ(mesh.attributes[1].name, "vertex_heat");
+  EXPECT_EQ(mesh.attributes[1].values, (Floats{1, 2, 3, 4}));
+  EXPECT_EQ(mesh.attributes[2].name, "face_color");
+  EXPECT_TRUE(mesh.attributes[2].per_face);
+  // One polygon became two triangles.
+  EXPECT_EQ(mesh.attributes[2].values, (Floats{0.1F, 0.2F, 0.3F, 0.1F, 0.2F, 0.3F}));
+}
+
+// Two faces of a roof that meet at a right angle.
+TEST(Obj, MaxSmoothAngleSplitsSharpEdges) {
+  const std::string roof = "v 2 0 0\nv 2 1 0\nv 3 0 1\nv 1 0 1\nf 5 6 8\nf 5 7 6\n";
+  const auto angle = [](const std::string& degrees) {
+    return "<float name=\"max_smooth_angle\" value=\"" + degrees + "\"/>";
+  };
+  EXPECT_EQ(load_obj(roof, angle("60")).normals.size(), 3 * 6U);
+  EXPECT_EQ(load_obj(roof, angle("120")).normals.size(), 3 * 4U);
+}
+
 }  // namespace
 }  // namespace metrofarm::scene_file::test

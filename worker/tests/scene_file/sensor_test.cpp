@@ -82,7 +82,8 @@ TEST(Sensor, Errors) {
             "scene.xml:3: parameter \"sample_count\" of sampler \"sobol\" must be between 1 and "
             "2147483647, not 0");
   EXPECT_EQ(error_of("<sensor type=\"fisheye\"/>"),
-            "scene.xml:2: sensor \"fisheye\" is not supported; supported: perspective");
+            "scene.xml:2: sensor \"fisheye\" is not supported; supported: perspective, thinlens, "
+            "orthographic");
   EXPECT_EQ(load_valid("<sensor type=\"perspective\"/><sensor type=\"perspective\"/>")
                 .warnings.at(0)
                 .message,
@@ -99,19 +100,45 @@ TEST(Film, Filters) {
   EXPECT_EQ(film("\"tent\">").filter_radius, 1);
   EXPECT_EQ(film("\"tent\"><float name=\"radius\" value=\"2\"/>").filter_radius, 2);
   EXPECT_EQ(film("\"gaussian\"><float name=\"stddev\" value=\"0.75\"/>").filter_radius, 3);
-  EXPECT_EQ(error_of(sensor("", "<rfilter type=\"lanczos\"/>")),
-            "scene.xml:5: rfilter \"lanczos\" is not supported; supported: box, tent, gaussian");
+  EXPECT_EQ(film("\"lanczos\">").filter_radius, 3);
+  EXPECT_EQ(film("\"catmullrom\">").filter, scene::ReconstructionFilter::kCatmullRom);
+  const scene::Film mitchell = film("\"mitchell\"><float name=\"B\" value=\"0.5\"/>");
+  EXPECT_EQ(mitchell.filter_radius, 2);
+  EXPECT_EQ(mitchell.mitchell_b, 0.5);
+  EXPECT_EQ(mitchell.mitchell_c, 1.0 / 3);
+  EXPECT_EQ(error_of(sensor("", "<rfilter type=\"sinc\"/>")),
+            "scene.xml:5: rfilter \"sinc\" is not supported; supported: box, tent, gaussian, "
+            "mitchell, lanczos, catmullrom");
 }
 
-TEST(Film, CropWindowsMustBeTheWholeFilm) {
-  EXPECT_EQ(load_valid(sensor("",
-                              "<integer name=\"crop_width\" value=\"200\"/><integer "
-                              "name=\"crop_offset_y\" value=\"0\"/>"))
-                .film.width,
-            200);
-  EXPECT_EQ(error_of(sensor("", "<integer name=\"crop_height\" value=\"50\"/>")),
-            "scene.xml:5: crop windows are not supported: \"crop_height\" must be 100, as for the "
-            "whole film");
+TEST(Film, CropWindows) {
+  const auto whole = load_valid(sensor("",
+                                       "<integer name=\"crop_width\" value=\"200\"/><integer "
+                                       "name=\"crop_offset_y\" value=\"0\"/>"))
+                         .film;
+  EXPECT_EQ(whole.crop.width, 0);
+  const auto part = load_valid(sensor("",
+                                      "<integer name=\"crop_offset_x\" value=\"150\"/>"
+                                      "<integer name=\"crop_height\" value=\"50\"/>"))
+                        .film;
+  EXPECT_EQ(part.crop.x, 150);
+  EXPECT_EQ(part.crop.y, 0);
+  EXPECT_EQ(part.crop.width, 50);
+  EXPECT_EQ(part.crop.height, 50);
+  EXPECT_EQ(part.width, 200);
+  EXPECT_EQ(error_of(sensor("", "<integer name=\"crop_height\" value=\"101\"/>")),
+            "scene.xml:5: parameter \"crop_height\" of film \"hdrfilm\" must be between 1 and 100, "
+            "not 101");
+}
+
+TEST(Film, ToneMappingIsLeftOut) {
+  const auto scene = load_valid(
+      "<sensor type=\"perspective\"><film type=\"ldrfilm\">"
+      "<string name=\"tonemap_method\" value=\"reinhard\"/>"
+      "<float name=\"gamma\" value=\"2.2\"/></film></sensor>");
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_EQ(scene.warnings[0].message,
+            "tone mapping is left out: images are linear (parameter \"tonemap_method\")");
 }
 
 TEST(Film, SizeIsLimited) {
@@ -134,14 +161,68 @@ TEST(Integrator, PathAndDirect) {
   const auto direct = load_valid("<integrator type=\"direct\"/>");
   EXPECT_EQ(direct.integrator.type, "path");
   EXPECT_EQ(direct.integrator.max_depth, 2);
-  EXPECT_EQ(error_of("<integrator type=\"volpath\"/>"),
-            "scene.xml:2: integrator \"volpath\" is not supported; supported: path, direct");
+  EXPECT_TRUE(load_valid("<integrator type=\"volpath\"/>").warnings.empty());
   EXPECT_EQ(error_of("<integrator type=\"path\">\n<integer name=\"max_depth\" value=\"-2\"/>"
                      "</integrator>"),
             "scene.xml:3: parameter \"max_depth\" of integrator \"path\" must be between -1 and "
             "2147483647, not -2");
   EXPECT_EQ(error_of("<integrator type=\"path\"/>\n<integrator type=\"path\"/>"),
             "scene.xml:3: <scene> takes only one integrator");
+}
+
+TEST(Integrator, UnknownOnesAreReadAsPathWithAWarning) {
+  const auto scene = load_valid(R"(<integrator type="path_sms_ss">
+<integer name="max_depth" value="9"/><float name="solver_threshold" value="1"/></integrator>)");
+  EXPECT_EQ(scene.integrator.type, "path");
+  EXPECT_EQ(scene.integrator.max_depth, 9);
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_EQ(scene.warnings[0].message,
+            "integrator \"path_sms_ss\" is not known; it is read as a path integrator");
+}
+
+TEST(Integrator, WrappersStandForTheNestedOne) {
+  const auto scene = load_valid(R"(<integrator type="moment"><integrator type="path">
+<integer name="max_depth" value="2"/></integrator></integrator>)");
+  EXPECT_EQ(scene.integrator.max_depth, 2);
+  EXPECT_TRUE(scene.warnings.empty());
+}
+
+TEST(Sensor, ThinLens) {
+  const auto scene = load_valid(
+      "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"0.5\"/>"
+      "<float name=\"focus_distance\" value=\"7\"/><float name=\"fov\" value=\"40\"/></sensor>");
+  EXPECT_EQ(scene.sensor.projection, scene::Projection::kThinLens);
+  EXPECT_EQ(scene.sensor.aperture_radius, 0.5);
+  EXPECT_EQ(scene.sensor.focus_distance, 7);
+  EXPECT_EQ(scene.sensor.fov_x_degrees, 40);
+  EXPECT_EQ(error_of("<sensor type=\"thinlens\"/>"),
+            "scene.xml:2: a thinlens sensor needs an \"aperture_radius\"");
+}
+
+TEST(Sensor, OrthographicMayScale) {
+  const auto scene = load_valid(
+      "<sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"3\" y=\"3\"/>"
+      "</transform></sensor>");
+  EXPECT_EQ(scene.sensor.projection, scene::Projection::kOrthographic);
+  EXPECT_EQ(scene.sensor.to_world[0], 3);
+  EXPECT_EQ(error_of("<sensor type=\"orthographic\"><transform name=\"to_world\">\n"
+                     "<scale value=\"0\"/></transform></sensor>"),
+            "scene.xml:2: the sensor's to_world must not flatten space");
+}
+
+TEST(Sensor, KeepsAnimationAndShutter) {
+  const auto scene = load_valid(sensor(R"(<float name="shutter_open" value="1"/>
+<float name="shutter_close" value="2"/><animation name="to_world">
+<transform time="2"><translate x="5"/></transform><transform time="1"><translate x="3"/></transform>
+</animation>)"));
+  EXPECT_EQ(scene.sensor.shutter_open, 1);
+  EXPECT_EQ(scene.sensor.shutter_close, 2);
+  ASSERT_EQ(scene.sensor.keys.size(), 2U);
+  EXPECT_EQ(scene.sensor.keys[0].time, 1);
+  EXPECT_EQ(scene.sensor.keys[1].to_world[3], 5);
+  EXPECT_EQ(scene.sensor.to_world[3], 3);
+  EXPECT_EQ(error_of(sensor("<float name=\"shutter_close\" value=\"-1\"/>")),
+            "scene.xml:2: shutter_close must not be before shutter_open");
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ TEST(Serialized, ShapeIndexChooses) {
   }
 }
 
-TEST(Serialized, ReadsNormalsAndTexcoordsAndSkipsColours) {
+TEST(Serialized, ReadsNormalsTexcoordsAndColours) {
   const std::string content = mesh_header(4, kSingle | kNormals | kTexcoords | kColours, 3, 1) +
                               bytes_of(Floats{0, 0, 0, 1, 0, 0, 0, 1, 0}) +
                               bytes_of(Floats{0, 2, 0, 0, 2, 0, 0, 2, 0}) +
@@ -118,6 +118,14 @@ TEST(Serialized, ReadsNormalsAndTexcoordsAndSkipsColours) {
   EXPECT_EQ(loaded.normals, (Floats{0, 1, 0, 0, 1, 0, 0, 1, 0}));
   EXPECT_EQ(loaded.texcoords, (Floats{0, 0, 1, 0, 0, 0.25}));
   EXPECT_EQ(loaded.indices, (std::vector<uint32_t>{2, 1, 0}));
+  ASSERT_EQ(loaded.attributes.size(), 1U);
+  EXPECT_EQ(loaded.attributes[0].name, "vertex_color");
+  EXPECT_EQ(loaded.attributes[0].values, Floats(9, 0.5F));
+}
+
+TEST(Serialized, FileMayAskForFaceNormals) {
+  constexpr uint32_t kFaceNormals = 0x10;
+  EXPECT_TRUE(mesh(file_of(4, {triangle(4, kSingle | kFaceNormals, 0)})).normals.empty());
 }
 
 TEST(Serialized, DamagedFilesAreErrors) {

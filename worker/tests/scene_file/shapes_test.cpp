@@ -146,9 +146,9 @@ TEST(Shapes, GetMitsubasDefaultMaterials) {
   const auto scene =
       load_valid("<shape type=\"sphere\"/><shape type=\"sphere\"><emitter type=\"area\"/></shape>");
   ASSERT_EQ(scene.shapes.size(), 2U);
-  EXPECT_EQ(std::get<scene::Diffuse>(scene.bsdfs.at(scene.shapes[0].bsdf).model).reflectance,
+  EXPECT_EQ(std::get<scene::Diffuse>(scene.bsdfs.at(scene.shapes[0].bsdf).model).reflectance.value,
             (scene::Rgb{0.5F, 0.5F, 0.5F}));
-  EXPECT_EQ(std::get<scene::Diffuse>(scene.bsdfs.at(scene.shapes[1].bsdf).model).reflectance,
+  EXPECT_EQ(std::get<scene::Diffuse>(scene.bsdfs.at(scene.shapes[1].bsdf).model).reflectance.value,
             (scene::Rgb{0, 0, 0}));
   EXPECT_EQ(scene.shapes[1].area_emitter, 0);
 }
@@ -166,6 +166,72 @@ TEST(Shapes, RefuseMedia) {
   EXPECT_EQ(error_of("<medium id=\"fog\" type=\"homogeneous\"/>\n"
                      "<shape type=\"cube\"><ref name=\"interior\" id=\"fog\"/></shape>"),
             "scene.xml:3: participating media are not supported");
+}
+
+TEST(Shapes, BoundariesOfDroppedMediaAreInvisible) {
+  const auto scene =
+      load_valid("<shape type=\"cube\"><medium name=\"interior\" type=\"homogeneous\"/></shape>",
+                 {.lenient = true});
+  ASSERT_EQ(scene.shapes.size(), 1U);
+  EXPECT_TRUE(std::holds_alternative<scene::Null>(scene.bsdfs.at(scene.shapes[0].bsdf).model));
+  EXPECT_EQ(scene.warnings.size(), 1U);
+}
+
+TEST(Sphere, SurfaceCoordinatesTurnWithIt) {
+  const auto scene =
+      load_valid(with_transform("sphere", "<scale value=\"3\"/><rotate z=\"1\" angle=\"90\"/>"));
+  const auto& sphere = std::get<scene::Sphere>(scene.shapes.at(0).geometry);
+  const std::array<double, 9> expected = {0, -1, 0, 1, 0, 0, 0, 0, 1};
+  for (int i = 0; i < 9; ++i) EXPECT_NEAR(sphere.rotation[i], expected[i], 1e-15) << i;
+}
+
+TEST(Cylinder, CombinesEndsRadiusAndTransform) {
+  const auto scene = load_valid(with_transform(
+      "cylinder", "<scale value=\"2\"/>",
+      "<point name=\"p0\" x=\"1\" y=\"0\" z=\"0\"/><point name=\"p1\" x=\"1\" y=\"0\" z=\"5\"/>"
+      "<float name=\"radius\" value=\"3\"/>"));
+  EXPECT_EQ(std::get<scene::Cylinder>(scene.shapes.at(0).geometry).to_world,
+            (scene::Matrix{6, 0, 0, 2, 0, 6, 0, 0, 0, 0, 10, 0, 0, 0, 0, 1}));
+}
+
+TEST(Cylinder, Errors) {
+  const std::string uneven =
+      "scene.xml:3: a cylinder's to_world must not shear it or scale it unequally across its "
+      "axis; for others use a mesh";
+  EXPECT_EQ(error_of(with_transform("cylinder", "<scale x=\"2\"/>")), uneven);
+  EXPECT_EQ(error_of(with_transform("cylinder", "<matrix value=\"1 0 1 0 1 0 0 0 1\"/>")), uneven);
+  EXPECT_EQ(error_of(with_transform("cylinder", "<scale x=\"2\" y=\"2\"/>")), "");
+  EXPECT_EQ(error_of("<shape type=\"cylinder\"><float name=\"radius\" value=\"0\"/></shape>"),
+            "scene.xml:2: the radius of a cylinder must be greater than 0");
+}
+
+constexpr std::string_view kGroup = R"(<shape type="shapegroup" id="g"><shape type="cube"/>
+<shape type="merge"><shape type="sphere"/></shape></shape>)";
+
+TEST(Instances, ShareTheShapesOfAGroup) {
+  const auto scene = load_valid(std::string(kGroup) + R"(<shape type="rectangle"/>
+<shape type="instance"><ref id="g"/></shape>
+<shape type="instance"><ref id="g"/><transform name="to_world"><translate x="4"/></transform>
+</shape>)");
+  ASSERT_EQ(scene.shapes.size(), 3U);
+  ASSERT_EQ(scene.instances.size(), 2U);
+  EXPECT_EQ(scene.shapes[0].group, scene::kNone);
+  EXPECT_EQ(scene.shapes[1].group, 0);
+  EXPECT_EQ(scene.shapes[2].group, 0);
+  EXPECT_EQ(scene.instances[1].group, 0);
+  EXPECT_EQ(scene.instances[1].to_world[3], 4);
+}
+
+TEST(Instances, Errors) {
+  const auto error = [](const std::string& content) { return error_of(content); };
+  EXPECT_EQ(error("<shape type=\"instance\"/>"),
+            "scene.xml:2: an instance needs a shapegroup: <ref id=\"...\"/> to a <shape "
+            "type=\"shapegroup\">");
+  EXPECT_EQ(error("<shape type=\"instance\"><shape type=\"shapegroup\"><shape type=\"cube\">\n"
+                  "<emitter type=\"area\"/></shape></shape></shape>"),
+            "scene.xml:3: a shape inside a shapegroup cannot be a light");
+  EXPECT_EQ(error("<shape type=\"merge\" id=\"a\"><ref id=\"a\"/></shape>"),
+            "scene.xml:2: shape \"merge\" contains itself");
 }
 
 }  // namespace

@@ -46,6 +46,31 @@ TEST(Transforms, LaterStepsActAfterEarlierOnes) {
                    {2, 0, 0, 1, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
 }
 
+TEST(Animation, IsReadInTheOrderOfTime) {
+  const auto scene = load_valid(R"(<shape type="disk"><animation name="to_world">
+<transform time="0.5"><translate x="2"/></transform>
+<transform time="0"><translate x="1"/></transform></animation></shape>)");
+  ASSERT_EQ(scene.shapes.size(), 1U);
+  ASSERT_EQ(scene.shapes[0].keys.size(), 2U);
+  EXPECT_EQ(scene.shapes[0].keys[0].time, 0);
+  EXPECT_EQ(scene.shapes[0].keys[1].time, 0.5);
+  EXPECT_EQ(scene.shapes[0].keys[1].to_world[3], 2);
+  EXPECT_EQ(std::get<scene::Disk>(scene.shapes[0].geometry).to_world[3], 1);
+}
+
+TEST(Animation, Errors) {
+  const auto animation = [](const std::string& content) {
+    return error_of("<shape type=\"disk\">\n<animation name=\"to_world\">\n" + content +
+                    "</animation></shape>");
+  };
+  EXPECT_EQ(animation(""),
+            "scene.xml:3: <animation> needs at least one <transform time=\"SECONDS\">");
+  EXPECT_EQ(animation("<transform/>"),
+            "scene.xml:4: <animation> takes <transform time=\"SECONDS\"> only");
+  EXPECT_EQ(animation("<transform time=\"1\"/><transform time=\"1\"/>"),
+            "scene.xml:3: two <transform> of an <animation> have the same time");
+}
+
 TEST(Transforms, Errors) {
   EXPECT_EQ(error_of(disk("<matrix value=\"1 2 3\"/>")),
             "scene.xml:3: <matrix> needs 16 (or 9) numbers, row by row");

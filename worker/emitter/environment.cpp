@@ -1,0 +1,81 @@
+#include "emitter/environment.h"
+
+#include <limits>
+#include <numbers>
+
+#include "emitter/light_weight.h"
+
+namespace metrofarm::emitter {
+
+namespace {
+
+constexpr float kUniformPdf = 0.25F * kInvPi;
+
+}  // namespace
+
+Environment::Environment(const std::vector<scene::Emitter>& emitters, double scene_radius,
+                         const texture::Images& images) {
+  scene::Rgb sum = {0, 0, 0};
+  for (const scene::Emitter& emitter : emitters) {
+    if (const auto* constant = std::get_if<scene::ConstantEmitter>(&emitter.model)) {
+      for (int k = 0; k < 3; ++k) sum[k] += constant->radiance[k];
+    } else if (const auto* map = std::get_if<scene::EnvironmentEmitter>(&emitter.model)) {
+      maps_.emplace_back(*map, images);
+      if (!(maps_.back().mean_weight() > 0)) maps_.pop_back();
+    }
+  }
+  constant_ = splat(sum[0], sum[1], sum[2]);
+  weight_of_constant_ = weight_of(sum);
+  // What crosses the disk of the scene's radius, from every direction.
+  const double etendue = std::numbers::pi * scene_radius * scene_radius * 4 * std::numbers::pi;
+  if (has_constant()) powers_.push_back(etendue * weight_of_constant_);
+  for (const EnvironmentMap& map : maps_) powers_.push_back(etendue * map.mean_weight());
+  picks_.assign(powers_.size(), 0.F);
+}
+
+void Environment::set_pick(int part, double probability) {
+  picks_[part] = static_cast<float>(probability);
+}
+
+Spectrum Environment::radiance(const Vec3& direction, Mask lanes) const {
+  Spectrum sum = keep(lanes, constant_);
+  for (const EnvironmentMap& map : maps_) sum = sum + map.radiance(direction, lanes);
+  return sum;
+}
+
+Float Environment::pdf_solid_angle(const Vec3& direction, Mask lanes) const {
+  size_t part = 0;
+  Float pdf(0.F);
+  if (has_constant()) pdf = keep(lanes, Float(picks_[part++] * kUniformPdf));
+  for (const EnvironmentMap& map : maps_)
+    pdf = pdf + Float(picks_[part++]) * map.pdf_solid_angle(direction, lanes);
+  return pdf;
+}
+
+LightSample Environment::sample(Int part, Vec2 u, Mask lanes) const {
+  LightSample s;
+  int32_t first_map = 0;
+  if (has_constant()) {
+    first_map = 1;
+    s.direction = square_to_sphere(u);
+  }
+  for (size_t i = 0; i < maps_.size(); ++i) {
+    const Mask mine = lanes & equal(part, Int(first_map + static_cast<int32_t>(i)));
+    if (any(mine)) s.direction = select(mine, maps_[i].sample(u, mine), s.direction);
+  }
+  s.distance = Float(std::numeric_limits<float>::infinity());
+  const Spectrum found = radiance(s.direction, lanes);
+  const Float pdf = pdf_solid_angle(s.direction, lanes);
+  s.valid = lanes & (pdf > Float(0.F)) & not_black(found);
+  s.pdf_solid_angle = keep(s.valid, pdf);
+  s.value = keep(s.valid, found / pdf);
+  return s;
+}
+
+uint64_t Environment::bytes() const {
+  uint64_t sum = 0;
+  for (const EnvironmentMap& map : maps_) sum += map.bytes();
+  return sum;
+}
+
+}  // namespace metrofarm::emitter

@@ -1,0 +1,51 @@
+// All that shines from infinitely far away on every side: constant radiance and environment maps,
+// added up.
+#pragma once
+
+#include <vector>
+
+#include "emitter/environment_map.h"
+#include "emitter/light_sample.h"
+#include "scene/description.h"
+#include "texture/images.h"
+
+namespace metrofarm::emitter {
+
+// Thread-safe once picks are set. Its parts are the sum of all constants, if that is not black, and
+// each map that is not black.
+class Environment {
+ public:
+  // images: outlives this.
+  Environment(const std::vector<scene::Emitter>& emitters, double scene_radius,
+              const texture::Images& images);
+
+  int count() const { return static_cast<int>(powers_.size()); }
+  bool empty() const { return powers_.empty(); }
+  // Power by weight_of() that reaches the scene, W.
+  const std::vector<double>& powers() const { return powers_; }
+  // Probability with which callers of sample() choose the part.
+  void set_pick(int part, double probability);
+
+  // direction: unit, away from the scene.
+  Spectrum radiance(const Vec3& direction, Mask lanes) const;
+  // With which sample(), called with the probabilities that were set, gives the direction.
+  Float pdf_solid_angle(const Vec3& direction, Mask lanes) const;
+
+  // A direction that `part` is likely to shine from. Value and pdf are of all parts together: parts
+  // overlap, so a sample of one stands for all of them (Veach 1997, section 9.2.4, one-sample
+  // estimator with the balance heuristic).
+  LightSample sample(Int part, Vec2 u, Mask lanes) const;
+
+  uint64_t bytes() const;
+
+ private:
+  bool has_constant() const { return weight_of_constant_ > 0; }
+
+  Spectrum constant_ = splat(0.F);
+  double weight_of_constant_ = 0;
+  std::vector<EnvironmentMap> maps_;
+  std::vector<double> powers_;  // by part: the constant first
+  std::vector<float> picks_;
+};
+
+}  // namespace metrofarm::emitter

@@ -1,0 +1,22 @@
+// What every kind of light answers when asked for light at a point.
+#pragma once
+
+#include "math/warp.h"
+#include "spectrum/rgb.h"
+
+namespace metrofarm::emitter {
+
+struct LightSample {
+  Vec3 direction = splat(0.F);  // unit, from the reference point towards the light
+  Float distance = Float(0.F);  // to the light; infinite for environments and parallel light
+  Spectrum value = splat(0.F);  // radiance (delta: intensity / d^2) over the pdf of choosing it
+  Float pdf_solid_angle = Float(0.F);  // of the whole choice; 0 in delta lanes
+  Mask valid = no_lanes();             // some light comes from there, if nothing is in its way
+  Mask delta = no_lanes();
+};
+
+inline Mask not_black(const Spectrum& s) {
+  return (s.x != Float(0.F)) | (s.y != Float(0.F)) | (s.z != Float(0.F));
+}
+
+}  // namespace metrofarm::emitter

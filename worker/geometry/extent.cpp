@@ -1,0 +1,102 @@
+// Areas and bounds of primitives.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "geometry/analytic.h"
+#include "geometry/primitives.h"
+
+namespace metrofarm::geometry {
+namespace {
+
+struct Double3 {
+  double x, y, z;
+};
+
+double cross_length(Double3 a, Double3 b) {
+  return std::hypot(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+double triangle_area(const Primitives& p, uint32_t triangle) {
+  const int32_t* i = &p.indices[3 * size_t{triangle}];
+  const float* a = &p.positions[3 * size_t(i[0])];
+  const float* b = &p.positions[3 * size_t(i[1])];
+  const float* c = &p.positions[3 * size_t(i[2])];
+  return 0.5 * cross_length({double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]},
+                            {double(c[0]) - a[0], double(c[1]) - a[1], double(c[2]) - a[2]});
+}
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+Bounds nothing() {
+  return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
+}
+
+void include(Bounds& bounds, int axis, float low, float high) {
+  bounds.lower[axis] = std::min(bounds.lower[axis], low);
+  bounds.upper[axis] = std::max(bounds.upper[axis], high);
+}
+
+Bounds bounds_of_range(const Primitives& p, const PrimitiveRange& range) {
+  Bounds bounds = nothing();
+  const int32_t* indices = p.indices.data() + 3 * size_t(range.first_triangle);
+  for (size_t i = 0; i < 3 * size_t(range.triangle_count); ++i) {
+    const float* v = &p.positions[3 * size_t(indices[i])];
+    for (int k = 0; k < 3; ++k) include(bounds, k, v[k], v[k]);
+  }
+  for (int32_t i = 0; i < range.analytic_count; ++i) {
+    const Bounds b = bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i));
+    for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);
+  }
+  return bounds;
+}
+
+// The box around a box under the instance's transform (Arvo 1990, "Transforming Axis-Aligned
+// Bounding Boxes").
+void include_instance(Bounds& bounds, const Bounds& group, const float* to_world) {
+  for (int k = 0; k < 3; ++k) {
+    const float* row = to_world + size_t{4} * k;
+    double low = row[3];
+    double high = row[3];
+    for (int j = 0; j < 3; ++j) {
+      const double a = double(row[j]) * group.lower[j];
+      const double b = double(row[j]) * group.upper[j];
+      low += std::min(a, b);
+      high += std::max(a, b);
+    }
+    const double slack = 1e-6 * std::max(std::fabs(low), std::fabs(high));
+    include(bounds, k, static_cast<float>(low - slack), static_cast<float>(high + slack));
+  }
+}
+
+}  // namespace
+
+double area_of(const Primitives& p, uint32_t primitive) {
+  if (primitive < static_cast<uint32_t>(p.triangle_count)) return triangle_area(p, primitive);
+  const uint32_t i = primitive - static_cast<uint32_t>(p.triangle_count);
+  const float* a = &p.analytic[size_t{i} * kAnalyticStride];
+  switch (static_cast<AnalyticKind>(p.analytic_kind[i])) {
+    case AnalyticKind::kSphere:
+      return 4 * std::numbers::pi * double(a[3]) * a[3];
+    case AnalyticKind::kDisk:
+      return std::numbers::pi * cross_length({a[3], a[4], a[5]}, {a[6], a[7], a[8]});
+    case AnalyticKind::kCylinder:
+      return 2 * std::numbers::pi * cross_length({a[3], a[4], a[5]}, {a[9], a[10], a[11]});
+  }
+  return 0;
+}
+
+Bounds bounds_of(const Primitives& p) {
+  Bounds bounds = bounds_of_range(p, p.world);
+  std::vector<Bounds> groups;
+  for (const PrimitiveRange& group : p.groups) groups.push_back(bounds_of_range(p, group));
+  for (size_t i = 0; i < p.instance_group.size(); ++i) {
+    const auto group = static_cast<size_t>(p.instance_group[i]);
+    if (p.groups[group].empty()) continue;
+    include_instance(bounds, groups[group], &p.instances[i * kInstanceStride]);
+  }
+  return bounds;
+}
+
+}  // namespace metrofarm::geometry

@@ -1,0 +1,212 @@
+// PNG, JPEG, BMP and TGA: stb_image decodes, and what it would decode wrongly or leave unnoticed is
+// refused here first.
+#include <cstdlib>
+#include <limits>
+#include <memory>
+
+#include "image_io/formats.h"
+#include "spectrum/srgb.h"
+#define STBI_NO_STDIO
+#include <stb/stb_image.h>
+
+namespace metrofarm::image_io {
+namespace {
+
+constexpr const char* kEndsEarly = "the file ends early";
+
+struct Size {
+  int width = 0, height = 0, channels = 0;
+};
+
+// Frees as stb_image allocates.
+struct Free {
+  void operator()(void* pixels) const { stbi_image_free(pixels); }
+};
+
+// Of pairs of grey and alpha the alpha is left out.
+int kept_channels(const Size& size) {
+  return size.channels == 2 ? 1 : size.channels;
+}
+
+size_t pixel_count(const Size& size) {
+  return static_cast<size_t>(size.width) * size.height;
+}
+
+scene::Image image_of_bytes(const stbi_uc* bytes, const Size& size, Encoding encoding) {
+  const int channels = kept_channels(size);
+  std::vector<uint8_t> pixels;
+  if (channels == size.channels) {
+    pixels.assign(bytes, bytes + pixel_count(size) * channels);
+  } else {
+    pixels.resize(pixel_count(size));
+    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = bytes[2 * i];
+  }
+  return {size.width, size.height, channels, std::move(pixels), encoding == Encoding::kSrgb};
+}
+
+scene::Image image_of_words(const stbi_us* words, const Size& size, Encoding encoding) {
+  constexpr double kLargest = std::numeric_limits<stbi_us>::max();
+  std::vector<float> decoded(static_cast<size_t>(kLargest) + 1);
+  for (size_t i = 0; i < decoded.size(); ++i) {
+    const double value = static_cast<double>(i) / kLargest;
+    decoded[i] = static_cast<float>(encoding == Encoding::kSrgb ? srgb_to_linear(value) : value);
+  }
+  const int channels = kept_channels(size);
+  std::vector<float> pixels(pixel_count(size) * channels);
+  for (size_t i = 0; i < pixel_count(size); ++i)
+    for (int c = 0; c < channels; ++c) {
+      const stbi_us word = words[i * size.channels + c];
+      pixels[i * channels + c] = c == 3 ? static_cast<float>(word / kLargest) : decoded[word];
+    }
+  return {size.width, size.height, channels, std::move(pixels)};
+}
+
+Result<scene::Image> decode(const Source& source, uint64_t pixels_per_byte) {
+  if (source.bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max()))
+    return Error{"the file is larger than 2 GiB"};
+  const stbi_uc* data = source.bytes.data();
+  const int length = static_cast<int>(source.bytes.size());
+  Size size;
+  if (stbi_info_from_memory(data, length, &size.width, &size.height, &size.channels) == 0)
+    return Error{stbi_failure_reason()};
+  const int64_t height = size.height;  // negative in a BMP whose rows run downwards
+  if (const auto error = check_size(source, size.width, std::abs(height), pixels_per_byte))
+    return *error;
+  if (stbi_is_16_bit_from_memory(data, length) != 0) {
+    const std::unique_ptr<stbi_us, Free> words(
+        stbi_load_16_from_memory(data, length, &size.width, &size.height, &size.channels, 0));
+    if (!words) return Error{stbi_failure_reason()};
+    return image_of_words(words.get(), size, source.encoding);
+  }
+  const std::unique_ptr<stbi_uc, Free> bytes(
+      stbi_load_from_memory(data, length, &size.width, &size.height, &size.channels, 0));
+  if (!bytes) return Error{stbi_failure_reason()};
+  return image_of_bytes(bytes.get(), size, source.encoding);
+}
+
+uint32_t little_endian(std::span<const uint8_t> bytes, size_t at, int count) {
+  uint32_t value = 0;
+  for (int i = 0; i < count; ++i) value |= uint32_t{bytes[at + i]} << (8 * i);
+  return value;
+}
+
+uint32_t big_endian_word(std::span<const uint8_t> bytes, size_t at) {
+  return uint32_t{bytes[at]} << 8 | bytes[at + 1];
+}
+
+// The content of a segment that defines Huffman tables: a byte of which, 16 counts, and that many
+// values for each. stb_image writes beyond its own table if the counts are too large.
+bool huffman_tables_fit(std::span<const uint8_t> content) {
+  while (!content.empty()) {
+    if (content.size() < 17) return false;
+    size_t count = 0;
+    for (size_t i = 1; i <= 16; ++i) count += content[i];
+    if (count > 256 || content.size() < 17 + count) return false;
+    content = content.subspan(17 + count);
+  }
+  return true;
+}
+
+struct JpegHeader {
+  int components = 0;
+  size_t scan = 0;  // where the first scan starts
+};
+
+// Walks the segments up to the first scan: a marker and a length that counts itself (ITU T.81,
+// annex B).
+Result<JpegHeader> walk_jpeg_header(std::span<const uint8_t> bytes) {
+  JpegHeader header;
+  for (size_t at = 2; at + 4 <= bytes.size();) {
+    const int marker = bytes[at + 1];
+    if (bytes[at] != 0xff || marker == 0xff) {  // padding
+      ++at;
+      continue;
+    }
+    const size_t length = big_endian_word(bytes, at + 2);
+    if (length < 2 || at + 2 + length > bytes.size()) return Error{kEndsEarly};
+    const auto content = bytes.subspan(at + 4, length - 2);
+    if (marker == 0xc4 && !huffman_tables_fit(content)) return Error{"a Huffman table is damaged"};
+    const bool start_of_frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (start_of_frame && content.size() > 5) header.components = content[5];
+    at += 2 + length;
+    header.scan = at;
+    if (marker == 0xda) return header;
+  }
+  return Error{kEndsEarly};
+}
+
+// In compressed pixels the first byte of a marker is stuffed, so what looks like a marker is one.
+std::optional<Error> check_jpeg_scans(std::span<const uint8_t> bytes, size_t from) {
+  bool ends = false;
+  for (size_t at = from; at + 1 < bytes.size(); ++at) {
+    if (bytes[at] != 0xff) continue;
+    ends |= bytes[at + 1] == 0xd9;
+    if (bytes[at + 1] != 0xc4) continue;
+    const size_t length = at + 4 <= bytes.size() ? big_endian_word(bytes, at + 2) : 0;
+    if (length < 2 || at + 2 + length > bytes.size() ||
+        !huffman_tables_fit(bytes.subspan(at + 4, length - 2)))
+      return Error{"a Huffman table is damaged"};
+  }
+  if (!ends) return Error{kEndsEarly};
+  return std::nullopt;
+}
+
+// Whether the run-length packets from `at` on make up `pixels` pixels (Truevision TGA 2.0, C.3).
+bool has_packets(std::span<const uint8_t> bytes, size_t at, uint64_t pixels, int pixel_bytes) {
+  while (pixels > 0) {
+    if (at >= bytes.size()) return false;
+    const bool run = (bytes[at] & 0x80) != 0;
+    const uint64_t count = (bytes[at] & 0x7fU) + 1;
+    at += 1 + pixel_bytes * (run ? 1 : count);
+    pixels -= std::min(count, pixels);
+  }
+  return at <= bytes.size();
+}
+
+}  // namespace
+
+Result<scene::Image> read_png(const Source& source) {
+  return decode(source, 8 * 1032);  // 1 bit per pixel; deflate packs at most 1032 : 1
+}
+
+Result<scene::Image> read_jpeg(const Source& source) {
+  const Result<JpegHeader> header = walk_jpeg_header(source.bytes);
+  if (!header) return header.error();
+  if (header.value().components == 4)
+    return Error{"CMYK colours are not supported; convert it to RGB"};
+  if (const auto error = check_jpeg_scans(source.bytes, header.value().scan)) return *error;
+  return decode(source, 8 * 64);  // at least 1 bit per block of 8 x 8
+}
+
+Result<scene::Image> read_bmp(const Source& source) {
+  const auto bytes = source.bytes;
+  if (bytes.size() < 30) return Error{kEndsEarly};
+  const bool os2 = little_endian(bytes, 14, 4) == 12;
+  const int64_t width = os2 ? little_endian(bytes, 18, 2) : little_endian(bytes, 18, 4);
+  const int64_t signed_height = os2 ? static_cast<int16_t>(little_endian(bytes, 20, 2))
+                                    : static_cast<int32_t>(little_endian(bytes, 22, 4));
+  const uint64_t pixel_bits = little_endian(bytes, os2 ? 24 : 28, 2);
+  const int64_t height = signed_height < 0 ? -signed_height : signed_height;
+  if (const auto error = check_size(source, width, height, 8)) return *error;
+  const uint64_t row = (width * pixel_bits + 31) / 32 * 4;
+  if (little_endian(bytes, 10, 4) + row * height > bytes.size()) return Error{kEndsEarly};
+  return decode(source, 8);
+}
+
+Result<scene::Image> read_tga(const Source& source) {
+  const auto bytes = source.bytes;
+  if ((bytes[17] & 0x10) != 0) return Error{"rows from right to left are not supported"};
+  const int pixel_bytes = (bytes[16] + 7) / 8;
+  const uint64_t map_bytes = uint64_t{little_endian(bytes, 5, 2)} * ((bytes[7] + 7) / 8);
+  const size_t first = 18 + bytes[0] + (bytes[1] != 0 ? map_bytes : 0);
+  const uint64_t pixels =
+      uint64_t{little_endian(bytes, 12, 2)} * uint64_t{little_endian(bytes, 14, 2)};
+  const bool run_lengths = (bytes[2] & 8) != 0;
+  if (run_lengths ? !has_packets(bytes, first, pixels, pixel_bytes)
+                  : first + pixels * pixel_bytes > bytes.size())
+    return Error{kEndsEarly};
+  return decode(source, 64);  // a packet of 2 bytes makes at most 128 pixels
+}
+
+}  // namespace metrofarm::image_io

@@ -1,0 +1,118 @@
+#include "scene_file/pbrt/world.h"
+
+#include "scene_file/names.h"
+#include "scene_file/pbrt/shapes.h"
+
+namespace metrofarm::scene_file::pbrt {
+
+const Matrix& World::transform_of(const GraphicsState& state, const SourceLocation& where) {
+  if (state.transform[0] != state.transform[1] && !warned_of_motion_) {
+    warned_of_motion_ = true;
+    context_.problems.warn(
+        "things move here while the shutter is open; they stand where they are at its start",
+        where);
+  }
+  return state.transform[0];
+}
+
+void World::add_shape(Entity entity, const GraphicsState& state) {
+  const SourceLocation where = entity.where();
+  Pending pending;
+  pending.material = state.material;
+  if (const Parameter* alpha = entity.parameters.find("alpha")) pending.alpha = *alpha;
+  const Placement placement{transform_of(state, where), state.reverse_orientation};
+  std::optional<PlacedShape> placed = load_shape(entity, placement, context_);
+  if (!placed) return;
+  pending.uv = placed->uv;
+  if (!state.area_light) return add(std::move(placed->shape), std::move(pending));
+  if (in_object()) {
+    context_.problems.warn("a shape of an object can't be a light: its AreaLightSource is ignored",
+                           where);
+    return add(std::move(placed->shape), std::move(pending));
+  }
+  make_light(*state.area_light, std::move(placed->shape), pending);
+}
+
+void World::make_light(const AreaLight& light, scene::Shape shape, const Pending& pending) {
+  shape.area_emitter = add_area_emitter(light, shape, context_);
+  if (light.two_sided) {
+    context_.problems.warn(
+        "a light that shines from both sides is made of two surfaces close "
+        "to each other",
+        shape.where);
+    add(opposite_side(shape), pending);
+    context_.scene.shapes.back().area_emitter =
+        append(context_.scene.emitters,
+               scene::Emitter(context_.scene.emitters[static_cast<size_t>(shape.area_emitter)]));
+  }
+  add(std::move(shape), pending);
+}
+
+void World::add(scene::Shape shape, Pending pending) {
+  if (in_object()) {
+    if (object_->group == scene::kNone) object_->group = group_count_++;
+    shape.group = object_->group;
+  }
+  context_.scene.shapes.push_back(std::move(shape));
+  pending_.push_back(std::move(pending));
+}
+
+void World::add_light(Entity entity, const GraphicsState& state) {
+  if (in_object()) {
+    return context_.problems.fail("a LightSource can't be part of an object", entity.where());
+  }
+  load_light(entity, transform_of(state, entity.where()), context_);
+}
+
+void World::begin_object(const std::string& name, const SourceLocation& where) {
+  const auto [found, is_new] = objects_.emplace(name, Object{scene::kNone, where});
+  if (!is_new) {
+    context_.problems.fail("object \"" + name + "\" is already defined in line " +
+                               std::to_string(found->second.where.line) + "; names must be unique",
+                           where);
+  }
+  object_ = &found->second;
+}
+
+void World::add_instance(const std::string& name, const GraphicsState& state,
+                         const SourceLocation& where) {
+  if (in_object()) {
+    return context_.problems.fail("an ObjectInstance can't stand inside of an object", where);
+  }
+  scene::Instance instance;
+  instance.to_world = transform_of(state, where);
+  instance.where = where;
+  instances_.push_back({name, std::move(instance)});
+}
+
+void World::finish() {
+  attach_materials();
+  attach_instances();
+}
+
+void World::attach_materials() {
+  for (size_t i = 0; i < pending_.size() && !context_.problems.failed(); ++i) {
+    const Pending& pending = pending_[i];
+    scene::Index bsdf = materials_.build(pending.material, pending.uv);
+    if (pending.alpha) bsdf = materials_.build_mask(*pending.alpha, bsdf, pending.uv);
+    context_.scene.shapes[i].bsdf = bsdf;
+  }
+}
+
+void World::attach_instances() {
+  std::vector<std::string_view> known;
+  for (const auto& [name, unused] : objects_) known.push_back(name);
+  for (NamedInstance& named : instances_) {
+    const auto found = objects_.find(named.name);
+    if (found == objects_.end()) {
+      return context_.problems.fail(
+          "no object is named \"" + named.name + "\"" + suggestion(named.name, known),
+          named.instance.where);
+    }
+    named.instance.group = found->second.group;
+    if (named.instance.group == scene::kNone) continue;  // an object without shapes
+    context_.scene.instances.push_back(std::move(named.instance));
+  }
+}
+
+}  // namespace metrofarm::scene_file::pbrt

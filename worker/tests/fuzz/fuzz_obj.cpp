@@ -1,0 +1,16 @@
+// Bytes as the content of a mesh file: an error or a mesh that can be finished.
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <utility>
+
+#include "scene_file/obj.h"
+
+using namespace metrofarm::scene_file;
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  auto mesh = parse_obj(text, "fuzz.obj");
+  if (mesh) static_cast<void>(finish_mesh(std::move(mesh.value()), {.max_smooth_angle = 30}));
+  return 0;
+}
