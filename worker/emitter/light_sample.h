@@ -15,8 +15,4 @@ struct LightSample {
   Mask delta = no_lanes();
 };
 
-inline Mask not_black(const Spectrum& s) {
-  return (s.x != Float(0.F)) | (s.y != Float(0.F)) | (s.z != Float(0.F));
-}
-
 }  // namespace metrofarm::emitter

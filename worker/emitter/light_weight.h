@@ -17,9 +17,9 @@ inline constexpr float kColourShare = 0.01F;  // of the largest channel
 // kept, so that its contributions are found and counted.
 inline Float weight_of(const Spectrum& s) {
   const Spectrum magnitude = abs(s);
-  const Float weight =
-      xsimd::max(luminance(magnitude), Float(kColourShare) * max_component(magnitude));
-  return select(weight < Float(std::numeric_limits<float>::infinity()), weight, Float(1.F));
+  const Float brightness = luminance(magnitude);  // no number if one channel is none
+  const Float weight = xsimd::max(brightness, Float(kColourShare) * max_component(magnitude));
+  return select(brightness < Float(std::numeric_limits<float>::infinity()), weight, Float(1.F));
 }
 
 inline double sum_of_lanes(Float f) {

@@ -12,16 +12,13 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
-#include <optional>
 #include <stdexcept>
-#include <string_view>
 
+#include "image_io/exr_header.h"
 #include "image_io/formats.h"
 
 namespace metrofarm::image_io {
 namespace {
-
-constexpr size_t kMagicAndVersion = 8;
 
 class MemoryStream : public Imf::IStream {
  public:
@@ -69,43 +66,9 @@ Result<std::vector<const char*>> choose_channels(const Imf::ChannelList& channel
   return chosen;
 }
 
-// The next string of the header, past which `at` moves; nothing where the file ends within it.
-std::optional<std::string_view> header_string(std::span<const uint8_t> bytes, size_t& at) {
-  const auto* begin = bytes.data() + at;
-  const auto* end = bytes.data() + bytes.size();
-  const auto* zero = std::find(begin, end, uint8_t{0});
-  if (zero == end) return std::nullopt;
-  at += zero - begin + 1;
-  return std::string_view(reinterpret_cast<const char*>(begin), zero - begin);
-}
-
-// Whether every attribute of the header, or of all headers, lies inside the file: the library takes
-// memory for as much as they promise. Attributes are name, type, size and value; an empty name ends
-// a header, an empty header those of a file in parts.
-bool attributes_fit(std::span<const uint8_t> bytes) {
-  if (bytes.size() < kMagicAndVersion) return false;
-  const bool in_parts = (bytes[5] & 0x10) != 0;
-  size_t at = kMagicAndVersion;
-  for (size_t count = 0;;) {
-    const auto name = header_string(bytes, at);
-    if (!name) return false;
-    if (name->empty()) {
-      if (!in_parts || count == 0) return true;
-      count = 0;
-      continue;
-    }
-    ++count;
-    int32_t size = 0;
-    if (!header_string(bytes, at) || bytes.size() - at < sizeof size) return false;
-    std::memcpy(&size, bytes.data() + at, sizeof size);
-    at += sizeof size;
-    if (size < 0 || static_cast<size_t>(size) > bytes.size() - at) return false;
-    at += size;
-  }
-}
-
 // Only the header of the first part: the library allocates by what it says.
 Imf::Header read_header(MemoryStream& stream) {
+  constexpr int kMagicAndVersion = 8;
   Imf::Header header;
   char start[kMagicAndVersion];
   stream.read(start, kMagicAndVersion);
@@ -134,7 +97,7 @@ void convert_primaries(const Imf::Header& header, std::vector<float>& pixels, in
 }
 
 Result<scene::Image> read_pixels(const Source& source) {
-  if (!attributes_fit(source.bytes)) return Error{"the file ends early, within its header"};
+  if (!exr_attributes_fit(source.bytes)) return Error{"the header is damaged or ends early"};
   MemoryStream stream(source.bytes);
   const Imf::Header first = read_header(stream);
   const Imath::Box2i window = first.dataWindow();

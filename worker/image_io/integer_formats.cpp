@@ -1,6 +1,7 @@
-// PNG, JPEG, BMP and TGA: stb_image decodes, and what it would decode wrongly or leave unnoticed is
+// PNG, BMP and TGA: stb_image decodes, and what it would decode wrongly or leave unnoticed is
 // refused here first.
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 #include <memory>
 
@@ -94,62 +95,18 @@ uint32_t big_endian_word(std::span<const uint8_t> bytes, size_t at) {
   return uint32_t{bytes[at]} << 8 | bytes[at + 1];
 }
 
-// The content of a segment that defines Huffman tables: a byte of which, 16 counts, and that many
-// values for each. stb_image writes beyond its own table if the counts are too large.
-bool huffman_tables_fit(std::span<const uint8_t> content) {
-  while (!content.empty()) {
-    if (content.size() < 17) return false;
-    size_t count = 0;
-    for (size_t i = 1; i <= 16; ++i) count += content[i];
-    if (count > 256 || content.size() < 17 + count) return false;
-    content = content.subspan(17 + count);
+// Whether all chunks up to the end mark lie inside the file (PNG, section 5.3: length, type, data,
+// checksum): stb_image takes memory for as much as they promise.
+bool png_chunks_fit(std::span<const uint8_t> bytes) {
+  constexpr size_t kAround = 12;
+  for (size_t at = 8; at + kAround <= bytes.size();) {
+    const uint64_t length =
+        uint64_t{big_endian_word(bytes, at)} << 16 | big_endian_word(bytes, at + 2);
+    if (length + kAround > bytes.size() - at) return false;
+    if (std::memcmp(&bytes[at + 4], "IEND", 4) == 0) return true;
+    at += kAround + length;
   }
-  return true;
-}
-
-struct JpegHeader {
-  int components = 0;
-  size_t scan = 0;  // where the first scan starts
-};
-
-// Walks the segments up to the first scan: a marker and a length that counts itself (ITU T.81,
-// annex B).
-Result<JpegHeader> walk_jpeg_header(std::span<const uint8_t> bytes) {
-  JpegHeader header;
-  for (size_t at = 2; at + 4 <= bytes.size();) {
-    const int marker = bytes[at + 1];
-    if (bytes[at] != 0xff || marker == 0xff) {  // padding
-      ++at;
-      continue;
-    }
-    const size_t length = big_endian_word(bytes, at + 2);
-    if (length < 2 || at + 2 + length > bytes.size()) return Error{kEndsEarly};
-    const auto content = bytes.subspan(at + 4, length - 2);
-    if (marker == 0xc4 && !huffman_tables_fit(content)) return Error{"a Huffman table is damaged"};
-    const bool start_of_frame =
-        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-    if (start_of_frame && content.size() > 5) header.components = content[5];
-    at += 2 + length;
-    header.scan = at;
-    if (marker == 0xda) return header;
-  }
-  return Error{kEndsEarly};
-}
-
-// In compressed pixels the first byte of a marker is stuffed, so what looks like a marker is one.
-std::optional<Error> check_jpeg_scans(std::span<const uint8_t> bytes, size_t from) {
-  bool ends = false;
-  for (size_t at = from; at + 1 < bytes.size(); ++at) {
-    if (bytes[at] != 0xff) continue;
-    ends |= bytes[at + 1] == 0xd9;
-    if (bytes[at + 1] != 0xc4) continue;
-    const size_t length = at + 4 <= bytes.size() ? big_endian_word(bytes, at + 2) : 0;
-    if (length < 2 || at + 2 + length > bytes.size() ||
-        !huffman_tables_fit(bytes.subspan(at + 4, length - 2)))
-      return Error{"a Huffman table is damaged"};
-  }
-  if (!ends) return Error{kEndsEarly};
-  return std::nullopt;
+  return false;
 }
 
 // Whether the run-length packets from `at` on make up `pixels` pixels (Truevision TGA 2.0, C.3).
@@ -167,16 +124,8 @@ bool has_packets(std::span<const uint8_t> bytes, size_t at, uint64_t pixels, int
 }  // namespace
 
 Result<scene::Image> read_png(const Source& source) {
+  if (!png_chunks_fit(source.bytes)) return Error{kEndsEarly};
   return decode(source, 8 * 1032);  // 1 bit per pixel; deflate packs at most 1032 : 1
-}
-
-Result<scene::Image> read_jpeg(const Source& source) {
-  const Result<JpegHeader> header = walk_jpeg_header(source.bytes);
-  if (!header) return header.error();
-  if (header.value().components == 4)
-    return Error{"CMYK colours are not supported; convert it to RGB"};
-  if (const auto error = check_jpeg_scans(source.bytes, header.value().scan)) return *error;
-  return decode(source, 8 * 64);  // at least 1 bit per block of 8 x 8
 }
 
 Result<scene::Image> read_bmp(const Source& source) {

@@ -11,6 +11,12 @@ inline constexpr float kLuminanceR = 0.212671F;
 inline constexpr float kLuminanceG = 0.715160F;
 inline constexpr float kLuminanceB = 0.072169F;
 
+// Lanes that are not black. A NaN is not black either: it must go on to where it is counted (and
+// the lanes' != is false for it).
+inline Mask not_black(const Spectrum& s) {
+  return ~((s.x == Float(0.F)) & (s.y == Float(0.F)) & (s.z == Float(0.F)));
+}
+
 inline Float luminance(const Spectrum& s) {
   return s.x * Float(kLuminanceR) + s.y * Float(kLuminanceG) + s.z * Float(kLuminanceB);
 }

@@ -18,12 +18,6 @@ constexpr float kLargestSurvival = 0.95F;
 // A shadow ray stops short of its light by what rounding can move the end of a long segment.
 constexpr float kShadowRayEnd = 1.F - 32 * 0x1p-23F;
 
-// Not "brighter than zero": a NaN must go on to where it is counted.
-Mask not_black(const Spectrum& s) {
-  const Float zero(0.F);
-  return (s.x != zero) | (s.y != zero) | (s.z != zero);
-}
-
 // Power heuristic with exponent 2, in a form that cannot overflow: 1 / (1 + (b / a)^2).
 Float power_heuristic(Float a, Float b) {
   return Float(1.F) / (Float(1.F) + sqr(b / a));

@@ -19,7 +19,7 @@ from xml_parts import (
 COLOURED = bsdf("diffuse", bitmap("reflectance", "colours.png"))
 GLOSSY = bsdf("roughconductor", number("alpha", 0.2))
 GLASS = bsdf("dielectric")
-TURNED = to_world('<rotate x="1" y="0.6" z="0.2" angle="60"/>')
+TURNED = to_world('<rotate x="0.48" y="0.6" z="0.64" angle="60"/>')
 
 
 def shaped(name: str, purpose: str, *shapes: str) -> Variant:
@@ -33,7 +33,7 @@ def both(type: str, *parameters: str) -> tuple[str, ...]:
             type,
             *parameters,
             to_world(
-                '<rotate x="1" y="0.6" z="0.2" angle="60"/>',
+                '<rotate x="0.48" y="0.6" z="0.64" angle="60"/>',
                 '<scale value="0.8"/>',
                 f'<translate x="{x}" y="-0.1"/>',
             ),
@@ -353,6 +353,17 @@ FORMATS = [
                     '<scale value="1.3"/>',
                 ),
                 GLOSSY,
+            ),
+        ),
+    ),
+    Variant(
+        "format-rotate-axis",
+        "rotate about an axis that is not of unit length, which Mitsuba 3 takes as it is",
+        (
+            shape(
+                "rectangle",
+                to_world('<rotate x="0.9" y="0.6" angle="40"/>', '<scale value="0.9"/>'),
+                COLOURED,
             ),
         ),
     ),

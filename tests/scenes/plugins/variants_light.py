@@ -22,6 +22,10 @@ ABOVE = to_world('<lookat origin="1.5, 3, 2" target="0, -0.5, 0" up="0, 1, 0"/>'
 FROM_THE_SIDE = to_world('<lookat origin="2, 3, 2.5" target="0, -0.5, 0" up="0, 1, 0"/>')
 
 
+Z_UP = to_world('<rotate x="1" angle="-90"/>')
+SUN_DIRECTION = '<vector name="sun_direction" x="0.4" y="0.7" z="0.5"/>'
+
+
 def emitter(type: str, *parameters: str) -> str:
     return f'<emitter type="{type}">{"".join(parameters)}</emitter>'
 
@@ -148,7 +152,7 @@ EMITTERS = [
         emitter(
             "envmap",
             string("filename", "assets/sky.exr"),
-            to_world('<rotate x="1" angle="70"/>', '<rotate y="1" z="0.3" angle="130"/>'),
+            to_world('<rotate x="1" angle="70"/>', '<rotate y="0.96" z="0.28" angle="130"/>'),
         ),
     ),
     on_sphere(
@@ -186,6 +190,12 @@ EMITTERS = [
             bitmap("irradiance", "wide.png"),
         ),
     ),
+    lit(
+        "sky",
+        "sunsky: the sky alone",
+        emitter("sunsky", SUN_DIRECTION, Z_UP, number("sun_scale", 0), number("turbidity", 4)),
+    ),
+    lit("sunsky", "sunsky: sun and sky", emitter("sunsky", SUN_DIRECTION, Z_UP)),
     lit(
         "several",
         "several kinds at once, so light selection",

@@ -439,7 +439,7 @@ TEXTURES = [
         (
             shape(
                 "sphere",
-                to_world('<rotate x="1" y="0.5" angle="50"/>'),
+                to_world('<rotate x="0.8" y="0.6" angle="50"/>'),
                 bsdf("diffuse", bitmap("reflectance", "colours.png")),
             ),
         ),

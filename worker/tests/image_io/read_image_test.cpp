@@ -149,12 +149,16 @@ TEST(ReadImage, ErrorsNameFileFormatAndReason) {
             "picture: OpenEXR image: needs the channels R, G, B or Y; it has B, F, R");
 }
 
+// The frame header of a colour image with a fourth component behind its three.
 TEST(ReadImage, RefusesCmykJpeg) {
   auto bytes = read_file("rgb.jpg");
-  const std::array<uint8_t, 2> frame = {0xff, 0xc0};
-  const auto at = std::search(bytes.begin(), bytes.end(), frame.begin(), frame.end());
-  ASSERT_LT(at + 9, bytes.end());
-  at[9] = 4;
+  const std::array<uint8_t, 4> frame = {0xff, 0xc0, 0x00, 0x11};
+  const auto found = std::search(bytes.begin(), bytes.end(), frame.begin(), frame.end());
+  ASSERT_LT(found + 19, bytes.end());
+  found[3] = 0x14;
+  found[9] = 4;
+  const std::array<uint8_t, 3> component = {4, 0x11, 0};
+  bytes.insert(found + 19, component.begin(), component.end());
   EXPECT_EQ(error_of(bytes),
             "picture: JPEG image: CMYK colours are not supported; convert it to RGB");
 }

@@ -93,9 +93,15 @@ inline void scale(scene::SceneDescription& scene, double factor) {
       for (double& c : sphere->center) c *= factor;
       sphere->radius *= factor;
     } else {
-      for (int i = 0; i < 12; ++i) std::get<scene::Disk>(shape.geometry).to_world[i] *= factor;
+      const auto grow = [&](scene::Matrix& m) {
+        for (int i = 0; i < 12; ++i) m[i] *= factor;
+      };
+      if (auto* flat = std::get_if<scene::Disk>(&shape.geometry)) grow(flat->to_world);
+      if (auto* round = std::get_if<scene::Cylinder>(&shape.geometry)) grow(round->to_world);
     }
   }
+  scene.sensor.near_clip *= factor;
+  scene.sensor.far_clip *= factor;
   for (int i : {3, 7, 11}) scene.sensor.to_world[i] *= factor;
   for (scene::Emitter& emitter : scene.emitters) {
     auto* point = std::get_if<scene::PointEmitter>(&emitter.model);

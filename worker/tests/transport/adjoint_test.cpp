@@ -16,7 +16,8 @@ using primary_space::Pair;
 using test::Moments;
 using test::SceneBuilder;
 
-constexpr int kGrid = 4;
+constexpr int kGrid = 8;
+constexpr uint64_t kPaths = 1600000;
 constexpr double kFieldOfView = 50;
 const scene::Point kLight = {1.5, 2.5, -2};
 
@@ -174,18 +175,18 @@ int tiles_that_differ(const std::vector<Moments>& light, const std::vector<Momen
   return differing;
 }
 
-// H0: every tile has the same mean from both ends. 400,000 paths and particles, 16 tiles, family
+// H0: every tile has the same mean from both ends. 1,600,000 paths and particles, 64 tiles, family
 // rate 1e-5 per material. Without the factor the test must fail.
 void expect_both_ends_agree(const scene::Bsdf& material) {
   PathSettings settings;
   settings.max_depth = 3;
-  const auto eye = test::trace_paths(sphere_on_floor(material), settings, 400000, 41, kGrid);
+  const auto eye = test::trace_paths(sphere_on_floor(material), settings, kPaths, 41, kGrid);
   const FlushDenormals flush;
   const Scene scene(sphere_on_floor(material), "avx2");
   const double rate = test::sidak(1e-5, kGrid * kGrid);
-  const auto light = LightTracer(scene, true).run(400000, 3);
+  const auto light = LightTracer(scene, true).run(kPaths, 3);
   EXPECT_EQ(tiles_that_differ(light, eye.tiles, rate), 0);
-  const auto without = LightTracer(scene, false).run(400000, 3);
+  const auto without = LightTracer(scene, false).run(kPaths, 3);
   EXPECT_GT(tiles_that_differ(without, eye.tiles, rate), 0);
 }
 
