@@ -25,7 +25,11 @@ Matrix scaling(const Point& factors) {
 }
 
 Matrix rotation(const Point& axis, double degrees) {
-  const auto [x, y, z] = normalized(axis);
+  return rotation_formula(normalized(axis), degrees);
+}
+
+Matrix rotation_formula(const Point& axis, double degrees) {
+  const auto [x, y, z] = axis;
   const double radians = degrees * (std::numbers::pi / 180);
   const double s = std::sin(radians);
   const double c = std::cos(radians);

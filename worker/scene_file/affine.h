@@ -18,6 +18,8 @@ Matrix scaling(const Point& factors);
 
 // Counter-clockwise rotation about an axis through the origin. Requires: axis is not zero.
 Matrix rotation(const Point& axis, double degrees);
+// cos I + (1 - cos) a a^T + sin [a]x: a rotation if the axis a is of unit length.
+Matrix rotation_formula(const Point& axis, double degrees);
 
 // Maps the origin to `origin`, +z towards `target` and the y-z plane to the one that holds `up`;
 // nothing if these don't determine a frame.

@@ -139,9 +139,18 @@ BsdfModel load_mixture(Properties& properties, Context& context) {
   return scene::Diffuse{};  // not reached: there are two parts or more
 }
 
+// How Mitsuba 3.9 treats bent normals unless told otherwise is the only way that we do.
+void require_bent_normal_defaults(Properties& properties) {
+  for (const char* name : {"flip_invalid_normals", "use_shadowing_function"}) {
+    if (properties.boolean(name, true)) continue;
+    properties.problems().unsupported("\"" + std::string(name) + "\" can only be true",
+                                      properties.find(name)->where);
+  }
+}
+
 BsdfModel load_bump_map(Properties& properties, Context& context) {
   const auto scale = static_cast<float>(properties.number("scale", 1));
-  properties.ignore({"flip_invalid_normals", "use_shadowing_function"});
+  require_bent_normal_defaults(properties);
   const Element* texture = find_nested_texture(properties, "scale");
   scene::BumpMap bump;
   bump.nested = load_nested(properties, context);
@@ -160,7 +169,7 @@ BsdfModel load_bump_map(Properties& properties, Context& context) {
 }
 
 BsdfModel load_normal_map(Properties& properties, Context& context) {
-  properties.ignore({"flip_invalid_normals", "use_shadowing_function"});
+  require_bent_normal_defaults(properties);
   const Element* texture = properties.find("normalmap");
   if (!texture && properties.element().legacy) texture = find_nested_texture(properties);
   scene::NormalMap map;

@@ -39,7 +39,12 @@ Matrix read_rotate(const Element& step, Problems& problems) {
     problems.fail("the axis of <rotate> must not be zero; give x=, y= or z=", step.where);
     return kIdentity;
   }
-  return rotation(axis, *angle);
+  constexpr double kUnitTolerance = 1e-4;
+  if (step.legacy || std::abs(length(axis) - 1) < kUnitTolerance) return rotation(axis, *angle);
+  problems.warn(
+      "the axis of <rotate> is not of unit length: as in Mitsuba 3, the result is no rotation",
+      step.where);
+  return rotation_formula(axis, *angle);
 }
 
 Point read_point_attribute(const Element& step, std::string_view name, Problems& problems) {

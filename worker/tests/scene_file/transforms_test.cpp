@@ -16,6 +16,23 @@ void expect_transform(const std::string& steps, const scene::Matrix& expected) {
   for (int i = 0; i < 16; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-15) << steps << " at " << i;
 }
 
+// Mitsuba 3 puts the axis into the formula of a rotation as it is, older versions make it a unit
+// vector.
+TEST(Transforms, AnAxisThatIsNotOfUnitLength) {
+  expect_transform("<rotate y=\"2\" angle=\"90\"/>",
+                   {0, 0, 2, 0, 0, 4, 0, 0, -2, 0, 0, 0, 0, 0, 0, 1});
+  const auto scene = load_valid(disk("<rotate y=\"2\" angle=\"90\"/>"));
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_NE(scene.warnings[0].message.find("unit length"), std::string::npos);
+  const auto old = load_text(
+      Directory{}, scene_around(disk("<rotate value=\"1,1,1\" angle=\"120\"/>"), "0.6.0"));
+  ASSERT_TRUE(old.ok());
+  const scene::Matrix expected = {0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
+  const scene::Matrix& actual = std::get<scene::Disk>(old.value().shapes[0].geometry).to_world;
+  for (int i = 0; i < 16; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-15) << i;
+  EXPECT_TRUE(old.value().warnings.empty());
+}
+
 TEST(Transforms, SingleSteps) {
   expect_transform("", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
   expect_transform("<translate x=\"1\" z=\"3\"/>",
@@ -24,10 +41,8 @@ TEST(Transforms, SingleSteps) {
                    {1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1});
   expect_transform("<scale value=\"2\"/>", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
   expect_transform("<scale y=\"4\"/>", {1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
-  expect_transform("<rotate y=\"2\" angle=\"90\"/>",
+  expect_transform("<rotate y=\"1\" angle=\"90\"/>",
                    {0, 0, 1, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 0, 1});
-  expect_transform("<rotate value=\"1,1,1\" angle=\"120\"/>",
-                   {0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1});
   expect_transform("<matrix value=\"1 2 3 4 5 6 7 8 9 10 12 12 0 0 0 1\"/>",
                    {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 12, 0, 0, 0, 1});
   expect_transform("<matrix value=\"1 2 3, 4 5 6, 7 8 1e+001\"/>",

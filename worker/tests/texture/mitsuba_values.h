@@ -15,7 +15,8 @@ inline constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 // Rows from the top, as Mitsuba counts them: v = 0 is the image's upper edge.
 inline constexpr int kWidth = 3, kHeight = 2;
-inline constexpr std::array kPixels = {0.1F, 0.9F, 0.4F, 0.7F, 0.2F, 2.5F, 0.0F, 0.3F, 0.8F, 1.5F, 0.6F, 0.2F, 0.4F, 0.8F, 0.1F, 0.9F, 0.0F, 0.5F};
+inline constexpr std::array kPixels = {0.1F, 0.9F, 0.4F, 0.7F, 0.2F, 2.5F, 0.0F, 0.3F, 0.8F,
+                                       1.5F, 0.6F, 0.2F, 0.4F, 0.8F, 0.1F, 0.9F, 0.0F, 0.5F};
 
 // to_uv, uv and gradient in Mitsuba's orientation, too.
 struct BitmapValue {
