@@ -129,8 +129,9 @@ double DeltaLights::mean_weight(const scene::Colour& colour) const {
     geometry::SurfacePoint point{};
     const Float column = Float(_mm256_setr_ps(0.5F, 1.5F, 2.5F, 3.5F, 4.5F, 5.5F, 6.5F, 7.5F)) +
                          Float(static_cast<float>(i % kAcross));
+    const int row = i / kAcross;
     point.uv = {column / Float(static_cast<float>(kAcross)),
-                Float((static_cast<float>(i / kAcross) + 0.5F) / kAcross)};
+                Float((static_cast<float>(row) + 0.5F) / kAcross)};
     point.primitive = Int(0);
     point.b1 = point.b2 = Float(0.F);
     const Spectrum texel = textures_.colour(Int(colour.texture), point, all_lanes());
@@ -202,7 +203,8 @@ Spectrum DeltaLights::spot_intensity(Int light, const Vec3& direction, Mask lane
   const Float angle = xsimd::atan2(xsimd::sqrt(sqr(local.x) + sqr(local.y)), local.z);
   const Float slope = (column(kCutoff) - angle) * column(kPerTransition);
   const Float falloff = select(local.z >= column(kCosBeam), Float(1.F), slope);
-  const Mask inside = lanes & (local.z > column(kCosCutoff));
+  // Cosine and angle are rounded apart: at the very edge the slope may be below zero already.
+  const Mask inside = lanes & (local.z > column(kCosCutoff)) & (falloff > Float(0.F));
   const Float scale = column(kUvScale) / local.z;
   const Vec2 uv{Float(0.5F) + local.x * scale, Float(0.5F) + local.y * scale};
   const Spectrum full = textured(light, column3(light, kIntensity, inside), uv, inside);

@@ -1,7 +1,7 @@
 // Every emitter of a scene, chosen in proportion to its power and sampled eight at a time.
 //
 // Area lights are picked by primitive, so where they are not textured all their points are chosen
-// with a density proportional to the luminance they emit.
+// with a density proportional to weight_of() what they emit.
 #pragma once
 
 #include <vector>

@@ -30,7 +30,7 @@ Matrix3 inverse_transpose(const Matrix3& m) {
 
 double largest_row(const Matrix3& m) {
   double largest = 0;
-  for (int r = 0; r < 3; ++r)
+  for (size_t r = 0; r < 3; ++r)
     largest =
         std::max(largest, std::fabs(m[3 * r]) + std::fabs(m[3 * r + 1]) + std::fabs(m[3 * r + 2]));
   return largest;

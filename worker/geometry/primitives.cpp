@@ -98,7 +98,7 @@ class Builder {
     scene::Index last = order_.empty() ? scene::kNone : group(order_.back());
     for (const scene::Instance& instance : description_.instances)
       last = std::max(last, instance.group);
-    out_.groups.resize(static_cast<size_t>(last + 1));
+    out_.groups.resize(static_cast<size_t>(last) + 1);
   }
 
   PrimitiveRange& range_of(int32_t shape) {

@@ -30,7 +30,7 @@ struct Surface {
   Int shape;
 };
 
-// Fills lanes where hits.hit; others are unspecified but finite-free to read.
+// Fills lanes where hits.hit; the others are unspecified and may hold NaN.
 Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
                    const Vec3& direction, SurfaceNeeds needs);
 

@@ -100,7 +100,7 @@ Result<scene::Image> read_pixels(const Source& source) {
   if (!exr_attributes_fit(source.bytes)) return Error{"the header is damaged or ends early"};
   MemoryStream stream(source.bytes);
   const Imf::Header first = read_header(stream);
-  const Imath::Box2i window = first.dataWindow();
+  const Imath::Box2i& window = first.dataWindow();
   const int64_t width = int64_t{window.max.x} - window.min.x + 1;
   const int64_t height = int64_t{window.max.y} - window.min.y + 1;
   if (first.hasType() && Imf::isDeepData(first.type()))

@@ -125,7 +125,7 @@ bool has_packets(std::span<const uint8_t> bytes, size_t at, uint64_t pixels, int
 
 Result<scene::Image> read_png(const Source& source) {
   if (!png_chunks_fit(source.bytes)) return Error{kEndsEarly};
-  return decode(source, 8 * 1032);  // 1 bit per pixel; deflate packs at most 1032 : 1
+  return decode(source, uint64_t{8} * 1032);  // 1 bit per pixel; deflate packs at most 1032 : 1
 }
 
 Result<scene::Image> read_bmp(const Source& source) {

@@ -37,7 +37,7 @@ Result<scene::Image> read_jpeg(const Source& source) {
   if (colours == TJCS_CMYK || colours == TJCS_YCCK)
     return Error{"CMYK colours are not supported; convert it to RGB"};
   // At least 1 bit per block of 8 x 8.
-  if (const auto error = check_size(source, width, height, 8 * 64)) return *error;
+  if (const auto error = check_size(source, width, height, uint64_t{8} * 64)) return *error;
 
   const int channels = colours == TJCS_GRAY ? 1 : 3;
   std::vector<uint8_t> pixels(static_cast<size_t>(width) * height * channels);

@@ -107,6 +107,13 @@ double determinant(const Matrix& m) {
   return dot(column(m, 0), cross(column(m, 1), column(m, 2)));
 }
 
+bool flattens(const Matrix& m) {
+  // Hadamard's bound: the volume that perpendicular columns of these lengths would span.
+  const double largest = length(column(m, 0)) * length(column(m, 1)) * length(column(m, 2));
+  constexpr double kRounding = 1e-13;
+  return !(std::abs(determinant(m)) > kRounding * largest);
+}
+
 Matrix normal_matrix(const Matrix& m) {
   const double sign = determinant(m) < 0 ? -1 : 1;
   const Point x = cross(column(m, 1), column(m, 2));

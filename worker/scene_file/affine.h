@@ -40,6 +40,9 @@ Point transform_point(const Matrix& m, const Point& p);
 // Determinant of the linear part: its sign says whether the map mirrors.
 double determinant(const Matrix& m);
 
+// Whether the linear part has no inverse that rounding leaves anything of.
+bool flattens(const Matrix& m);
+
 // Maps normals: the inverse transpose of the linear part times |determinant|, which exists for
 // singular maps too. Results are not normalized.
 Matrix normal_matrix(const Matrix& m);

@@ -83,7 +83,7 @@ class VertexSplitter {
     }
     std::array<float, 3> wanted;
     for (int axis = 0; axis < 3; ++axis) wanted[axis] = static_cast<float>(normal[axis]);
-    while (!std::equal(wanted.begin(), wanted.end(), &mesh_.normals[3 * vertex])) {
+    while (!std::equal(wanted.begin(), wanted.end(), &mesh_.normals[3 * size_t(vertex)])) {
       if (next_[vertex] == kAbsent) return add_copy(vertex, wanted);
       vertex = next_[vertex];
     }

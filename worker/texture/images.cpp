@@ -12,7 +12,7 @@ constexpr int kByteValues = 256;
 
 // Linear light of bytes that stand for value / 255, then of sRGB-encoded bytes.
 std::vector<float> decode_tables() {
-  std::vector<float> table(2 * kByteValues);
+  std::vector<float> table(2 * size_t{kByteValues});
   for (int i = 0; i < kByteValues; ++i) {
     table[i] = static_cast<float>(i / 255.0);
     table[kByteValues + i] = static_cast<float>(srgb_to_linear(i / 255.0));

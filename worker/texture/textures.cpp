@@ -75,10 +75,11 @@ void Textures::add(const scene::CheckerboardTexture& checkerboard) {
   append(Kind::kCheckerboard, checkerboard.to_uv);
   has_checkerboards_ = true;
   const std::array<const scene::Colour*, 2> sides = {&checkerboard.colour0, &checkerboard.colour1};
-  for (int side = 0; side < 2; ++side) {
+  for (size_t side = 0; side < 2; ++side) {
     // Otherwise resolve() might not end.
     METROFARM_CHECK(sides[side]->texture < self);
-    std::copy_n(sides[side]->value.begin(), 3, side_colour_.end() - 6 + 3 * side);
+    std::copy_n(sides[side]->value.begin(), 3,
+                side_colour_.end() - 6 + static_cast<ptrdiff_t>(3 * side));
     side_texture_[2 * self + side] = sides[side]->texture;
   }
 }

@@ -26,7 +26,7 @@ std::string problem_with(const Spec& spec) {
   if (!(spec.unit > 0 && std::isfinite(spec.unit))) return "unit must be positive and finite";
   if (spec.path.max_depth < -1) return "max_depth must be -1 or more";
   if (spec.path.rr_depth < 1) return "rr_depth must be at least 1";
-  if (spec.bootstrap_samples == 0 || spec.bootstrap_samples % (2 * kGroupSize) != 0 ||
+  if (spec.bootstrap_samples == 0 || spec.bootstrap_samples % (uint64_t{2} * kGroupSize) != 0 ||
       spec.bootstrap_samples > kLargestBootstrap)
     return "bootstrap_samples must be an even multiple of 64, at most 2^32";
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";

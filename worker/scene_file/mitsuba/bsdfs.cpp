@@ -62,7 +62,7 @@ void report_neighbour(const Element& element, std::string_view nearest, Problems
 }
 
 Index append_bsdf(BsdfModel model, const Element& element, Context& context) {
-  context.scene.bsdfs.push_back({std::move(model), element.get("id"), element.where});
+  context.scene.bsdfs.push_back({model, element.get("id"), element.where});
   return static_cast<Index>(context.scene.bsdfs.size() - 1);
 }
 
@@ -96,7 +96,7 @@ Index load_bsdf(const Element& element, Context& context) {
   }
   BsdfModel model = load_model(element, context);
   context.bsdfs_in_progress.erase(&element);
-  const Index index = append_bsdf(std::move(model), element, context);
+  const Index index = append_bsdf(model, element, context);
   context.bsdfs.emplace(&element, index);
   return index;
 }

@@ -41,6 +41,8 @@ struct Context {
   std::unordered_set<const Element*> shapes_in_progress = {};
   scene::Index null_bsdf = scene::kNone;
 
+  std::unordered_set<const Element*> integrators_in_progress = {};
+
   Properties properties_of(const Element& element) {
     return Properties(element, document, problems);
   }

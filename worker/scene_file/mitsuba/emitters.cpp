@@ -48,7 +48,7 @@ Model load_constant(Properties& properties, Context& context) {
 // Fails if the matrix has no inverse.
 Matrix read_invertible(Properties& properties) {
   const Matrix to_world = properties.transform("to_world");
-  if (determinant(to_world) != 0) return to_world;
+  if (!flattens(to_world)) return to_world;
   properties.problems().fail(
       "the to_world of " + properties.element().describe() + " must not flatten space",
       properties.find("to_world")->where);

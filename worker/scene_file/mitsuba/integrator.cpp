@@ -60,7 +60,10 @@ void load_integrator(const Element& element, Context& context) {
   const std::vector<const Element*> nested = properties.objects("integrator");
   const bool wraps = contains(kWrappers, type) && !nested.empty();
   settings.hide_emitters = properties.boolean("hide_emitters", settings.hide_emitters);
-  if (wraps) return load_integrator(*nested[0], context);
+  if (wraps && context.integrators_in_progress.insert(&element).second) {
+    return load_integrator(*nested[0], context);
+  }
+  if (wraps) return context.problems.fail(element.describe() + " contains itself", element.where);
   if (type == "direct") {
     load_direct(properties, settings);
   } else if (contains(kLikePath, type)) {

@@ -44,7 +44,7 @@ Index load_nested(Properties& properties, Context& context) {
 }
 
 Index append(BsdfModel model, const Element& element, Context& context) {
-  context.scene.bsdfs.push_back({std::move(model), "", element.where});
+  context.scene.bsdfs.push_back({model, "", element.where});
   return static_cast<Index>(context.scene.bsdfs.size() - 1);
 }
 

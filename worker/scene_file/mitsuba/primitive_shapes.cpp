@@ -147,10 +147,12 @@ void load_cylinder(Properties& properties, Shape& shape, Context& context) {
                        std::abs(dot(images[0], images[2])) <= kTolerance * across * along &&
                        std::abs(dot(images[1], images[2])) <= kTolerance * across * along;
   if (!round || !upright) {
+    // Numbers near the largest ones get here without a to_world.
+    const Element* transform = properties.find("to_world");
     return context.problems.fail(
         "a cylinder's to_world must not shear it or scale it unequally across its axis; for "
         "others use a mesh",
-        properties.find("to_world")->where);
+        transform ? transform->where : shape.where);
   }
   shape.geometry = scene::Cylinder{to_world};
 }

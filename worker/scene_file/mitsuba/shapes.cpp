@@ -103,7 +103,7 @@ void load_instance(const Element& element, Context& context) {
   instance.to_world = properties.transform("to_world");
   instance.keys = properties.keyframes("to_world");
   instance.where = element.where;
-  if (determinant(instance.to_world) == 0) {
+  if (flattens(instance.to_world)) {
     context.problems.fail("an instance's to_world must not flatten it",
                           properties.find("to_world")->where);
   }

@@ -178,7 +178,7 @@ decltype(scene::Emitter::model) load_sky(Properties& properties, Context& contex
   scene::EnvironmentEmitter emitter;
   emitter.to_world = sky.to_world;
   if (context.problems.failed()) return emitter;
-  if (determinant(sky.to_world) == 0) {
+  if (flattens(sky.to_world)) {
     context.problems.fail("the sky's to_world must not flatten space",
                           properties.find("to_world")->where);
     return emitter;

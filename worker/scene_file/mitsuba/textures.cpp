@@ -14,6 +14,9 @@ using scene::UvMatrix;
 
 const Colour kGrey = {{0.5F, 0.5F, 0.5F}};  // after a problem
 
+// Textures inside textures, counted from the outermost.
+constexpr size_t kMaxNesting = 16;
+
 Colour append(decltype(scene::Texture::model) model, const Element& element, Context& context) {
   context.scene.textures.push_back({std::move(model), element.get("id"), element.where});
   return {{1, 1, 1}, static_cast<Index>(context.scene.textures.size() - 1)};
@@ -156,6 +159,11 @@ constexpr Plugin<Colour (*)(Properties&, ColourUse, Context&)> kTextures[] = {
 Colour load_new_texture(const Element& element, ColourUse use, Context& context) {
   if (!context.textures_in_progress.insert(&element).second) {
     context.problems.fail(element.describe() + " contains itself", element.where);
+    return kGrey;
+  }
+  if (context.textures_in_progress.size() > kMaxNesting) {
+    context.problems.fail("textures are nested more than " + std::to_string(kMaxNesting) + " deep",
+                          element.where);
     return kGrey;
   }
   const auto* plugin = find_plugin(kTextures, element, "grey takes its place", context.problems);

@@ -89,7 +89,8 @@ Result<scene::Image> to_latitude_longitude(const scene::Image& map) {
       double sum[3] = {};
       for (int s = 0; s < kSamples * kSamples; ++s) {
         const double u = (x + (s % kSamples + 0.5) / kSamples) / image.width;
-        const double v = (y + (s / kSamples + 0.5) / kSamples) / image.height;
+        const int row = s / kSamples;
+        const double v = (y + (row + 0.5) / kSamples) / image.height;
         const Rgb rgb = look_up(map, direction_at(u, v));
         for (size_t c = 0; c < 3; ++c) sum[c] += rgb[c];
       }

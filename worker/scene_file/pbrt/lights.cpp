@@ -27,7 +27,7 @@ Rgb times(const Rgb& rgb, double factor) {
 }
 
 void add(const Loader& loader, decltype(scene::Emitter::model) model) {
-  loader.context.scene.emitters.push_back({std::move(model), loader.parameters.where()});
+  loader.context.scene.emitters.push_back({model, loader.parameters.where()});
 }
 
 double read_scale(const Loader& loader) {

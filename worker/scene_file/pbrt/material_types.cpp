@@ -88,7 +88,7 @@ Materials::Roughness Materials::roughness(const Request& request, std::string_vi
 }
 
 Index Materials::add(const Request& request, decltype(scene::Bsdf::model) model) {
-  return append(context_.scene.bsdfs, {std::move(model), "", request.parameters.where()});
+  return append(context_.scene.bsdfs, {model, "", request.parameters.where()});
 }
 
 // Under the relief that "displacement" or "normalmap" give.
@@ -110,7 +110,7 @@ Index Materials::with_relief(const Request& request, Index nested) {
 
 // pbrt's reflecting materials look the same from both sides.
 Index Materials::reflecting(const Request& request, decltype(scene::Bsdf::model) model) {
-  const Index inner = with_relief(request, add(request, std::move(model)));
+  const Index inner = with_relief(request, add(request, model));
   return add(request, scene::TwoSided{inner, inner});
 }
 

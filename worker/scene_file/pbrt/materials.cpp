@@ -59,6 +59,12 @@ Index Materials::build(size_t index, const UvMatrix& shape_uv) {
     context_.problems.fail("this material mixes itself", entity.where());
     return 0;
   }
+  constexpr size_t kMaxNesting = 64;
+  if (in_progress_.size() >= kMaxNesting) {
+    context_.problems.fail("materials are nested more than " + std::to_string(kMaxNesting) + " deep",
+                           entity.where());
+    return 0;
+  }
   in_progress_.push_back(index);
   const Index bsdf = build_entity(entity, shape_uv);
   in_progress_.pop_back();

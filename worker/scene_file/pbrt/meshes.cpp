@@ -139,8 +139,10 @@ RawMesh read_bilinear_mesh(Parameters& parameters, Context& context) {
   if (raw.texcoords.empty() && raw.vertex_count() == 4 && patches.size() == 4) {
     raw.texcoords.resize(8);
     for (size_t i = 0; i < 4; ++i) {
-      raw.texcoords[2 * patches[i]] = static_cast<float>(i % 2);
-      raw.texcoords[2 * patches[i] + 1] = static_cast<float>(i / 2);
+      const size_t row = i / 2;
+      float* uv = &raw.texcoords[2 * size_t(patches[i])];
+      uv[0] = static_cast<float>(i % 2);
+      uv[1] = static_cast<float>(row);
     }
   }
   if (!planar) {

@@ -13,6 +13,8 @@ using scene::Rgb;
 
 const Colour kGrey = {{0.5F, 0.5F, 0.5F}};
 
+constexpr int kMaxNesting = 64;
+
 Rgb product(const Rgb& a, const Rgb& b) {
   return {a[0] * b[0], a[1] * b[1], a[2] * b[2]};
 }
@@ -66,8 +68,15 @@ Colour Textures::find(const std::string& name, bool is_spectrum, const UvMatrix&
     context_.problems.fail("texture \"" + name + "\" refers to itself", where);
     return kGrey;
   }
+  if (depth_ >= kMaxNesting) {
+    context_.problems.fail("textures are nested more than " + std::to_string(kMaxNesting) + " deep",
+                           where);
+    return kGrey;
+  }
   definition.in_progress = true;
+  ++depth_;
   const Colour colour = build({name, definition, shape_uv});
+  --depth_;
   definition.in_progress = false;
   definition.built.emplace(shape_uv, colour);
   return colour;

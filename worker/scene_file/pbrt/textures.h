@@ -48,6 +48,7 @@ class Textures {
   UvMatrix read_mapping(const Request& request);
 
   Context& context_;
+  int depth_ = 0;  // of textures inside textures
   std::map<std::pair<std::string, bool>, Definition> definitions_;
   std::map<std::pair<std::string, bool>, scene::Index> images_;  // by file and linearity
 };

@@ -82,6 +82,9 @@ void World::add_instance(const std::string& name, const GraphicsState& state,
   scene::Instance instance;
   instance.to_world = transform_of(state, where);
   instance.where = where;
+  if (flattens(instance.to_world)) {
+    return context_.problems.fail("the transform of an ObjectInstance must not flatten it", where);
+  }
   instances_.push_back({name, std::move(instance)});
 }
 

@@ -16,9 +16,11 @@ struct MaterialCase {
   scene::Bsdf bsdf;
   double alpha_u = 1, alpha_v = 1;  // of the narrowest lobe; 1 without any
   Below below = Below::kNothing;
-  double eta = 1;          // for refracted directions
-  bool reciprocal = true;  // the principled models are not where Mitsuba's are not
-  bool conserving = true;  // white furnace at most 1; sheen and flatness may exceed it
+  double eta = 1;  // for refracted directions
+  bool reciprocal = true;
+  // Of a white furnace. Disney's models add their lobes without regard to energy, and Mitsuba's are
+  // Disney's: a white base with full sheen reflects up to 1.41.
+  double most_energy = 1;
 };
 
 // What mitsuba_values.py evaluates, by the same names.

@@ -213,7 +213,7 @@ TEST(Materials, SamplesUnderANormalMapAreWeightedByTheirValue) {
   EXPECT_TRUE(metrofarm::test::same_mean(sampled, uniform, 1e-6));
 }
 
-// A ramp of slope 1 along u bends the normal against u by 45 degrees.
+// A ramp that climbs 1 along u, scaled by 2: the normal leans against u with a tangent of 2.
 TEST(Materials, BumpMapsTiltTheNormalAgainstTheSlope) {
   scene::Image ramp;
   ramp.width = 4;
