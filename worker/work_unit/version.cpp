@@ -55,10 +55,9 @@ class Hash {
 void add_libm(Hash& hash) {
   for (int i = 1; i <= 64; ++i) {
     const double x = 0.137 * i;
-    for (double v :
-         {std::exp(-x), std::log(x), std::sin(x), std::cos(x), std::tan(x), std::erf(x),
-          std::pow(x, 2.4), std::cbrt(x), std::hypot(x, 0.7), std::expm1(x), std::atan2(x, 0.7),
-          std::acos(x / 9), std::asin(x / 9)})
+    for (double v : {std::exp(-x), std::log(x), std::sin(x), std::cos(x), std::tan(x), std::erf(x),
+                     std::pow(x, 2.4), std::cbrt(x), std::hypot(x, 0.7), std::expm1(x),
+                     std::atan2(x, 0.7), std::acos(x / 9), std::asin(x / 9)})
       hash.add(v);
     const auto f = static_cast<float>(x);
     hash.add(std::vector<float>{std::exp(-f), std::sin(f), std::hypot(f, 0.7F)});

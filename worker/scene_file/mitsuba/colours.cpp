@@ -239,9 +239,17 @@ Rgb load_element(const Element& element, ColourUse use, Context& context) {
   if (!element.find("type")) return load_spectrum(element, use, context);
   const auto* plugin = find_plugin(kSpectra, element, "it is left out", context.problems);
   if (!plugin) return kGrey;
+  constexpr size_t kMaxNesting = 16;
+  if (context.textures_in_progress.size() >= kMaxNesting ||
+      !context.textures_in_progress.insert(&element).second) {
+    context.problems.fail(element.describe() + " is nested too deeply or contains itself",
+                          element.where);
+    return kGrey;
+  }
   Properties properties = context.properties_of(element);
   const Rgb colour = plugin->load(properties, use, context);
   properties.finish();
+  context.textures_in_progress.erase(&element);
   return colour;
 }
 

@@ -117,6 +117,15 @@ void load_into(const Element& element, Index group, Context& context) {
   if (type != "instance" && type != "shapegroup" && type != "merge") {
     return load_single_shape(element, group, context);
   }
+  // References let few lines stand for any number of shapes: stop at the first problem.
+  if (context.problems.failed()) return;
+  constexpr size_t kMaxNesting = 16, kMaxShapes = size_t{1} << 22;
+  if (context.shapes_in_progress.size() >= kMaxNesting) {
+    return context.problems.fail("shapes are nested more than 16 deep", element.where);
+  }
+  if (context.scene.shapes.size() > kMaxShapes) {
+    return context.problems.fail("the scene has more than 4194304 shapes", element.where);
+  }
   if (!context.shapes_in_progress.insert(&element).second) {
     return context.problems.fail(element.describe() + " contains itself", element.where);
   }

@@ -13,6 +13,8 @@ namespace {
 using scene::Film;
 using scene::ReconstructionFilter;
 
+constexpr double kLargestRadius = 16;
+
 // A radius for both axes.
 double read_radius(Parameters& parameters, double fallback, Problems& problems) {
   const double x = parameters.positive("xradius", fallback, problems);
@@ -20,8 +22,7 @@ double read_radius(Parameters& parameters, double fallback, Problems& problems) 
   if (x != y) {
     problems.unsupported("a filter must have the same radius in x and y", parameters.where());
   }
-  constexpr double kLargest = 16;
-  if (x > kLargest) problems.fail("a filter's radius must be at most 16", parameters.where());
+  if (x > kLargestRadius) problems.fail("a filter's radius must be at most 16", parameters.where());
   return x;
 }
 
@@ -55,6 +56,7 @@ void load_sinc(Parameters& parameters, Film& film, Problems& problems) {
   if (tau != film.filter_radius) {
     problems.warn("a sinc filter's window ends at its radius: \"tau\" is taken for both",
                   parameters.where());
+    if (tau > kLargestRadius) problems.fail("\"tau\" must be at most 16", parameters.where());
     film.filter_radius = tau;
   }
 }
@@ -302,7 +304,6 @@ void load_integrator(Entity& entity, Context& context) {
   }
   settings.type = "path";
   if (entity.type == "bdpt") settings.type = "bdpt";
-  if (entity.type == "mlt") settings.type = "mmlt";
   constexpr int kMostBounces = 1 << 20;
   settings.max_depth =
       std::min(parameters.integer_in("maxdepth", 5, 0, context.problems), kMostBounces) + 1;

@@ -1,4 +1,4 @@
-// The pbrt-v4 importer. What it reads and where it differs: see worker/doc/pbrt.md.
+// The pbrt-v4 importer. What it reads and where it differs: see worker/doc/scene-format.md.
 #pragma once
 
 #include "scene_file/load.h"

@@ -61,8 +61,8 @@ Index Materials::build(size_t index, const UvMatrix& shape_uv) {
   }
   constexpr size_t kMaxNesting = 64;
   if (in_progress_.size() >= kMaxNesting) {
-    context_.problems.fail("materials are nested more than " + std::to_string(kMaxNesting) + " deep",
-                           entity.where());
+    context_.problems.fail(
+        "materials are nested more than " + std::to_string(kMaxNesting) + " deep", entity.where());
     return 0;
   }
   in_progress_.push_back(index);
