@@ -193,6 +193,12 @@ func (r *run) unpause() {
 
 // reviewHeld looks after held batches whose checks do not come. Requires: mu.
 func (r *run) reviewHeld() {
+	warnings := len(r.rec.Warnings)
+	defer func() {
+		if len(r.rec.Warnings) != warnings {
+			r.save()
+		}
+	}()
 	for worker := range r.c.excluded() {
 		r.expel(worker)
 	}
