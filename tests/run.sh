@@ -34,7 +34,7 @@ stage_web() { (cd web && npm test --silent); }
 stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/sabotage; }
 stage_e2e() { python -m pytest -q tests/e2e; }
 stage_agreement() { python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py; }
-stage_sanitize() { tests/setup/sanitize.sh address,undefined; }
+stage_sanitize() { tests/setup/sanitize.sh --short address,undefined; }
 
 report=()
 failures=0

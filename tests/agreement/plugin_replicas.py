@@ -1,5 +1,6 @@
 """Replicas of the plugin scenes, rendered by one running service."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -55,10 +56,13 @@ class Studio:
             self._images[name, work] = self.render(self.bundle, f"{name}.xml", work)
         return self._images[name, work]
 
-    def render(self, bundle: str, entry: str, work: Work) -> list[np.ndarray]:
+    def render(
+        self, bundle: str, entry: str, work: Work, options: Mapping[str, object] | None = None
+    ) -> list[np.ndarray]:
+        """`options`: what else the requests ask for."""
+        common = {"scene": bundle, "entry": entry, **(options or {})}
         jobs = [
-            self._submit({"scene": bundle, "entry": entry, **work.request(seed)})
-            for seed in range(1, work.replicas + 1)
+            self._submit({**common, **work.request(seed)}) for seed in range(1, work.replicas + 1)
         ]
         return [self._result(job) for job in jobs]
 
