@@ -80,7 +80,7 @@ void Textures::add(const scene::CheckerboardTexture& checkerboard) {
     METROFARM_CHECK(sides[side]->texture < self);
     std::copy_n(sides[side]->value.begin(), 3,
                 side_colour_.end() - 6 + static_cast<ptrdiff_t>(3 * side));
-    side_texture_[2 * self + side] = sides[side]->texture;
+    side_texture_[2 * static_cast<size_t>(self) + side] = sides[side]->texture;
   }
 }
 
