@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "metropolis/target.h"
 #include "primary_space/stratified_source.h"
@@ -13,16 +15,27 @@ namespace metrofarm::burn_in {
 class Bootstrap {
  public:
   // samples: size of the whole bootstrap, an even multiple of kLanes.
-  Bootstrap(uint64_t job_seed, uint64_t samples, metropolis::Target& target)
-      : source_(rng_key(job_seed, RngDomain::kBootstrap)), half_(samples / 2), target_(target) {}
+  // lengths: where paths are multiplexed, coordinates that draw each length; eight samples after
+  // the other take them in turn.
+  Bootstrap(uint64_t job_seed, uint64_t samples, metropolis::Target& target,
+            std::vector<uint32_t> lengths = {})
+      : source_(rng_key(job_seed, RngDomain::kBootstrap)),
+        half_(samples / 2),
+        target_(target),
+        lengths_(std::move(lengths)) {}
 
   // f of each sample; their payloads are the target's proposals until the next evaluation.
   Float evaluate(uint64_t first) {
     // A sequence for each half: the halves stay independent, as the error estimate takes them to
     // be.
     source_.begin_points(first, first / half_, static_cast<uint32_t>(first % half_));
+    if (!lengths_.empty())
+      source_.pin(primary_space::kTechniqueSlot, lengths_[length_index(first)]);
     return target_.evaluate(source_);
   }
+
+  // Which of the lengths samples first .. first + 7 have. Requires: paths are multiplexed.
+  size_t length_index(uint64_t first) const { return first / kLanes % lengths_.size(); }
 
   // Pairs that one of the last eight samples has read: the state of a chain that starts there.
   std::vector<primary_space::StoredPair> pairs(int lane) const { return source_.read_pairs(lane); }
@@ -31,6 +44,7 @@ class Bootstrap {
   primary_space::StratifiedSource source_;
   uint64_t half_;
   metropolis::Target& target_;
+  std::vector<uint32_t> lengths_;
 };
 
 }  // namespace metrofarm::burn_in

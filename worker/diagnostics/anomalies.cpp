@@ -25,6 +25,10 @@ const char* name_of(Place place) {
       return "scattering";
     case Place::kFilm:
       return "film";
+    case Place::kConnection:
+      return "connection";
+    case Place::kCameraConnection:
+      return "camera_connection";
   }
   return "film";
 }

@@ -13,7 +13,15 @@ namespace metrofarm::diagnostics {
 enum class AnomalyKind : uint8_t { kNan = 1, kInfinite = 2, kNegative = 3, kOutOfRange = 4 };
 inline constexpr int kAnomalyKinds = 5;  // index 0 unused, as on the wire
 
-enum class Place : uint8_t { kEmission, kEmitterSample, kEnvironment, kScattering, kFilm };
+enum class Place : uint8_t {
+  kEmission,
+  kEmitterSample,
+  kEnvironment,
+  kScattering,
+  kFilm,
+  kConnection,
+  kCameraConnection
+};
 const char* name_of(Place place);
 
 // One bad contribution, before it is known which primary sample it came from.

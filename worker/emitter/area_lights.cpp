@@ -212,7 +212,8 @@ LightSample AreaLights::sample(Int light, const Vec3& reference, Vec2 u, Mask la
   const Float distance2 = length_squared(to_light);
   s.distance = xsimd::sqrt(distance2);
   s.direction = to_light / s.distance;
-  const Float cosine = xsimd::abs(dot(s.direction, point.normal));
+  s.cosine = -dot(s.direction, point.normal);
+  const Float cosine = xsimd::abs(s.cosine);
 
   Surface surface;
   surface.shape = gather(shape_.data(), light, lanes);
@@ -224,6 +225,26 @@ LightSample AreaLights::sample(Int light, const Vec3& reference, Vec2 u, Mask la
   s.pdf_solid_angle = keep(s.valid, select(cap, cap_pdf, pdf_area * distance2 / cosine));
   s.value = keep(s.valid, radiance / s.pdf_solid_angle);
   return s;
+}
+
+Emission AreaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes) const {
+  const Point point = uniform_point(light, position, lanes);
+  Emission e;
+  const Vec3 local = square_to_cosine_hemisphere(direction);
+  e.direction = frame_around(point.normal).to_world(local);
+  e.position = point.position;
+  e.normal = point.normal;
+  e.origin = geometry::offset_origin(point.position, point.normal, point.offset, e.direction);
+  e.cosine = local.z;
+  e.pdf = pdf_emission(light, e.cosine, lanes);
+  Surface surface;
+  surface.shape = gather(shape_.data(), light, lanes);
+  surface.shading_normal = point.normal;
+  if (smooth_ || textured_) surface = surface_of(light, point, lanes);
+  const Spectrum found = emitted(surface, -e.direction, lanes);
+  e.valid = lanes & (e.pdf > Float(0.F)) & not_black(found);
+  e.power = keep(e.valid, found * e.cosine / e.pdf);
+  return e;
 }
 
 Float AreaLights::pdf(Int light, const Vec3& reference, const Surface& surface,

@@ -34,6 +34,12 @@ class AreaLights {
   // pdf_solid_angle with which sample() chooses the direction to a hit of `light`.
   Float pdf(Int light, const Vec3& reference, const geometry::Surface& surface,
             const Vec3& direction, Mask lanes) const;
+  // A ray from a uniform point, its direction cosine-weighted around the geometric normal.
+  Emission emit(Int light, Vec2 position, Vec2 direction, Mask lanes) const;
+  // Emission::pdf of a ray whose direction makes an angle of that cosine with the normal.
+  Float pdf_emission(Int light, Float cosine, Mask lanes) const {
+    return gather(pdf_area_.data(), light, lanes) * xsimd::max(cosine * Float(kInvPi), Float(0.F));
+  }
   // Radiance against `direction`, 0 on the side that the shading normal turns away from and where
   // nothing radiates.
   Spectrum emitted(const geometry::Surface& surface, const Vec3& direction, Mask lanes) const;

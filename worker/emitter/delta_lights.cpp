@@ -44,9 +44,9 @@ double spot_solid_angle(double beam, double cutoff) {
 
 }  // namespace
 
-DeltaLights::DeltaLights(const std::vector<scene::Emitter>& emitters, double scene_radius,
+DeltaLights::DeltaLights(const std::vector<scene::Emitter>& emitters, const BoundingSphere& scene,
                          const texture::Textures& textures)
-    : textures_(textures) {
+    : textures_(textures), scene_(scene) {
   for (const scene::Emitter& emitter : emitters) {
     if (const auto* point = std::get_if<scene::PointEmitter>(&emitter.model)) {
       add(*point);
@@ -55,7 +55,7 @@ DeltaLights::DeltaLights(const std::vector<scene::Emitter>& emitters, double sce
     } else if (const auto* projector = std::get_if<scene::ProjectorEmitter>(&emitter.model)) {
       add(*projector);
     } else if (const auto* parallel = std::get_if<scene::DirectionalEmitter>(&emitter.model)) {
-      add(*parallel, scene_radius);
+      add(*parallel);
     }
   }
 }
@@ -109,8 +109,8 @@ void DeltaLights::add(const scene::ProjectorEmitter& projector) {
   row[kUvScale + 1] = static_cast<float>(-0.5 / half_height);
 }
 
-void DeltaLights::add(const scene::DirectionalEmitter& parallel, double scene_radius) {
-  const double across = kPiDouble * scene_radius * scene_radius;
+void DeltaLights::add(const scene::DirectionalEmitter& parallel) {
+  const double across = kPiDouble * scene_.radius * scene_.radius;
   float* row = new_row(kDirectional, parallel.irradiance, across * weight_of(parallel.irradiance));
   if (row == nullptr) return;
   const scene::Point& d = parallel.direction;
@@ -153,6 +153,30 @@ Vec3 DeltaLights::to_local(Int light, const Vec3& v, Mask lanes) const {
           dot(column3(light, kWorldToLight + 6, lanes), v)};
 }
 
+Mask DeltaLights::of_kind(Int light, Kind kind, Mask lanes) const {
+  if (!shaped_) return kind == kPoint ? lanes : no_lanes();
+  return lanes & equal(gather(kind_.data(), light, lanes), Int(static_cast<int32_t>(kind)));
+}
+
+Mask DeltaLights::parallel(Int light, Mask lanes) const {
+  return of_kind(light, kDirectional, lanes);
+}
+
+// Along `direction` (unit, away from the light); of parallel light the irradiance.
+Spectrum DeltaLights::intensity(Int light, const Vec3& direction, Mask lanes) const {
+  Spectrum result = column3(light, kIntensity, lanes);
+  const Mask spot = of_kind(light, kSpot, lanes);
+  if (any(spot)) result = select(spot, spot_intensity(light, direction, spot), result);
+  const Mask projector = of_kind(light, kProjector, lanes);
+  if (any(projector)) {
+    const Vec3 local = to_local(light, direction, projector);
+    // E at distance 1 along the axis is what the image says: intensity E / cos^3.
+    const Spectrum seen = projector_irradiance(light, local, projector);
+    result = select(projector, seen / (sqr(local.z) * local.z), result);
+  }
+  return result;
+}
+
 LightSample DeltaLights::sample(Int light, const Vec3& reference, Mask lanes) const {
   const Vec3 position = column3(light, kPosition, lanes);
   const Vec3 to_light = position - reference;
@@ -160,25 +184,11 @@ LightSample DeltaLights::sample(Int light, const Vec3& reference, Mask lanes) co
   LightSample s;
   s.distance = xsimd::sqrt(distance2);
   s.direction = to_light / s.distance;
-  Spectrum strength = column3(light, kIntensity, lanes) / distance2;
-  if (shaped_) {
-    const Int kind = gather(kind_.data(), light, lanes);
-    const Mask spot = lanes & equal(kind, Int(kSpot));
-    if (any(spot))
-      strength = select(spot, spot_intensity(light, -s.direction, spot) / distance2, strength);
-    const Mask projector = lanes & equal(kind, Int(kProjector));
-    if (any(projector)) {
-      const Vec3 local = to_local(light, -to_light, projector);
-      const Float cosine = local.z / s.distance;
-      // E at distance 1 along the axis is what the image says: intensity E / cos^3.
-      const Spectrum seen = projector_irradiance(light, local, projector);
-      strength = select(projector, seen / (sqr(local.z) * cosine), strength);
-    }
-    const Mask parallel = lanes & equal(kind, Int(kDirectional));
-    s.direction = select(parallel, position, s.direction);
-    s.distance = select(parallel, Float(std::numeric_limits<float>::infinity()), s.distance);
-    strength = select(parallel, column3(light, kIntensity, parallel), strength);
-  }
+  Spectrum strength = intensity(light, -s.direction, lanes);
+  const Mask far = parallel(light, lanes);
+  strength = select(far, strength, strength / distance2);
+  s.direction = select(far, position, s.direction);
+  s.distance = select(far, Float(std::numeric_limits<float>::infinity()), s.distance);
   s.valid = lanes & not_black(strength) & (s.distance > Float(0.F));
   s.delta = s.valid;
   s.value = keep(s.valid, strength);
@@ -220,6 +230,67 @@ Spectrum DeltaLights::projector_irradiance(Int light, const Vec3& local, Mask la
   const Mask inside =
       lanes & (local.z > zero) & (uv.x >= zero) & (uv.x <= one) & (uv.y >= zero) & (uv.y <= one);
   return keep(inside, textured(light, column3(light, kIntensity, inside), uv, inside));
+}
+
+// The inverse of to_local(): its rows span a volume of 1 or -1.
+Vec3 DeltaLights::to_world(Int light, const Vec3& local, Mask lanes) const {
+  const Vec3 x = column3(light, kWorldToLight, lanes);
+  const Vec3 y = column3(light, kWorldToLight + 3, lanes);
+  const Vec3 z = column3(light, kWorldToLight + 6, lanes);
+  const Vec3 across = cross(x, y);
+  const Float volume = dot(across, z);
+  return (cross(y, z) * local.x + cross(z, x) * local.y + across * local.z) / volume;
+}
+
+// Uniform over the sphere, a spot's cone or a projector's image.
+Vec3 DeltaLights::sample_direction(Int light, Vec2 u, Mask lanes) const {
+  Vec3 direction = square_to_sphere(u);
+  if (!shaped_) return direction;
+  const Int base = light * Int(kStride);
+  const auto column = [&](int k) { return gather(rows_.data() + k, base, lanes); };
+  const Mask spot = of_kind(light, kSpot, lanes);
+  const Vec3 in_cone = square_to_cone(u, Float(1.F) - column(kCosCutoff));
+  const Vec3 on_image = {(u.x - Float(0.5F)) / column(kUvScale),
+                         (u.y - Float(0.5F)) / column(kUvScale + 1), Float(1.F)};
+  const Mask turned = spot | of_kind(light, kProjector, lanes);
+  const Vec3 local = select(spot, in_cone, on_image);
+  direction = select(turned, normalize(to_world(light, local, turned)), direction);
+  return select(parallel(light, lanes), -column3(light, kPosition, lanes), direction);
+}
+
+Float DeltaLights::pdf_emission(Int light, const Vec3& direction, Mask lanes) const {
+  const Float everywhere(0.25F * kInvPi);
+  if (!shaped_) return everywhere;
+  const Int base = light * Int(kStride);
+  const auto column = [&](int k) { return gather(rows_.data() + k, base, lanes); };
+  const Vec3 local = to_local(light, direction, lanes);
+  const Float stretch = length(local);
+  const Float cosine = local.z / stretch;
+  const Float cone = select(cosine > column(kCosCutoff),
+                            Float(0.5F * kInvPi) / (Float(1.F) - column(kCosCutoff)), Float(0.F));
+  // Of the image plane at distance 1, whose area is the product of 1 / scale.
+  const Float image = xsimd::abs(column(kUvScale) * column(kUvScale + 1)) / (sqr(cosine) * cosine);
+  const Mask spot = of_kind(light, kSpot, lanes), projector = of_kind(light, kProjector, lanes);
+  // A map that is more than a turn squeezes directions: by its determinant over the cubed stretch.
+  Float pdf = select(spot, cone, image) / (sqr(stretch) * stretch);
+  pdf = select(projector & (local.z <= Float(0.F)), Float(0.F), pdf);
+  pdf = select(spot | projector, pdf, everywhere);
+  return select(parallel(light, lanes), Float(1.F / scene_.disk_area()), pdf);
+}
+
+Emission DeltaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes) const {
+  Emission e;
+  e.direction = sample_direction(light, direction, lanes);
+  e.origin = column3(light, kPosition, lanes);
+  const Mask far = parallel(light, lanes);
+  if (any(far)) e.origin = select(far, scene_.point_before(e.direction, position), e.origin);
+  e.position = e.origin;
+  e.pdf = pdf_emission(light, e.direction, lanes);
+  const Spectrum strength = intensity(light, e.direction, lanes);
+  e.valid = lanes & (e.pdf > Float(0.F)) & not_black(strength);
+  e.power = keep(e.valid, strength / e.pdf);
+  e.delta = e.valid;
+  return e;
 }
 
 uint64_t DeltaLights::bytes() const {

@@ -13,8 +13,9 @@ constexpr float kUniformPdf = 0.25F * kInvPi;
 
 }  // namespace
 
-Environment::Environment(const std::vector<scene::Emitter>& emitters, double scene_radius,
-                         const texture::Images& images) {
+Environment::Environment(const std::vector<scene::Emitter>& emitters, const BoundingSphere& scene,
+                         const texture::Images& images)
+    : scene_(scene) {
   scene::Rgb sum = {0, 0, 0};
   for (const scene::Emitter& emitter : emitters) {
     if (const auto* constant = std::get_if<scene::ConstantEmitter>(&emitter.model)) {
@@ -27,7 +28,7 @@ Environment::Environment(const std::vector<scene::Emitter>& emitters, double sce
   constant_ = splat(sum[0], sum[1], sum[2]);
   weight_of_constant_ = weight_of(sum);
   // What crosses the disk of the scene's radius, from every direction.
-  const double etendue = std::numbers::pi * scene_radius * scene_radius * 4 * std::numbers::pi;
+  const double etendue = std::numbers::pi * scene.radius * scene.radius * 4 * std::numbers::pi;
   if (has_constant()) powers_.push_back(etendue * weight_of_constant_);
   for (const EnvironmentMap& map : maps_) powers_.push_back(etendue * map.mean_weight());
   picks_.assign(powers_.size(), 0.F);
@@ -70,6 +71,18 @@ LightSample Environment::sample(Int part, Vec2 u, Mask lanes) const {
   s.pdf_solid_angle = keep(s.valid, pdf);
   s.value = keep(s.valid, found / pdf);
   return s;
+}
+
+Emission Environment::emit(Int part, Vec2 position, Vec2 direction, Mask lanes) const {
+  const LightSample from = sample(part, direction, lanes);
+  Emission e;
+  e.direction = -from.direction;
+  e.origin = scene_.point_before(e.direction, position);
+  e.position = e.origin;
+  e.valid = from.valid;
+  e.pdf = from.pdf_solid_angle * Float(1.F / scene_.disk_area());
+  e.power = from.value * Float(scene_.disk_area());
+  return e;
 }
 
 uint64_t Environment::bytes() const {

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "emitter/bounding_sphere.h"
 #include "emitter/environment_map.h"
 #include "emitter/light_sample.h"
 #include "scene/description.h"
@@ -16,7 +17,7 @@ namespace metrofarm::emitter {
 class Environment {
  public:
   // images: outlives this.
-  Environment(const std::vector<scene::Emitter>& emitters, double scene_radius,
+  Environment(const std::vector<scene::Emitter>& emitters, const BoundingSphere& scene,
               const texture::Images& images);
 
   int count() const { return static_cast<int>(powers_.size()); }
@@ -35,12 +36,19 @@ class Environment {
   // overlap, so a sample of one stands for all of them (Veach 1997, section 9.2.4, one-sample
   // estimator with the balance heuristic).
   LightSample sample(Int part, Vec2 u, Mask lanes) const;
+  // A ray from there, that starts on the disk across it that covers the scene.
+  Emission emit(Int part, Vec2 position, Vec2 direction, Mask lanes) const;
+  // Emission::pdf of rays that arrive from `direction` (unit, away from the scene).
+  Float pdf_emission(const Vec3& direction, Mask lanes) const {
+    return pdf_solid_angle(direction, lanes) * Float(1.F / scene_.disk_area());
+  }
 
   uint64_t bytes() const;
 
  private:
   bool has_constant() const { return weight_of_constant_ > 0; }
 
+  BoundingSphere scene_;
   Spectrum constant_ = splat(0.F);
   double weight_of_constant_ = 0;
   std::vector<EnvironmentMap> maps_;

@@ -13,6 +13,23 @@ struct LightSample {
   Float pdf_solid_angle = Float(0.F);  // of the whole choice; 0 in delta lanes
   Mask valid = no_lanes();             // some light comes from there, if nothing is in its way
   Mask delta = no_lanes();
+  Int light = Int(0);         // its number in the LightTable
+  Float cosine = Float(1.F);  // at surfaces that radiate, below 0 behind them; else 1
+};
+
+// Where a path that starts at a light begins. Density: of the ray, by area across it and solid
+// angle, without the parts that a delta light leaves no choice in.
+struct Emission {
+  Int light = Int(0);
+  Vec3 origin = splat(0.F);     // of the first ray, off the light's surface
+  Vec3 direction = splat(0.F);  // unit
+  Spectrum power = splat(0.F);  // radiance times cosine (delta: intensity, irradiance) / density
+  Vec3 position = splat(0.F);   // on lights with a surface, and their
+  Vec3 normal = splat(0.F);     // unit normal there
+  Float cosine = Float(1.F);    // between direction and normal; 1 where there is no surface
+  Float pdf = Float(0.F);       // 1 / (m^2 sr); of point lights 1 / sr, of parallel light 1 / m^2
+  Mask valid = no_lanes();
+  Mask delta = no_lanes();  // chance never meets the light
 };
 
 }  // namespace metrofarm::emitter

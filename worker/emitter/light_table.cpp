@@ -9,15 +9,6 @@
 namespace metrofarm::emitter {
 namespace {
 
-// Of a sphere around the scene's box, as Mitsuba's; 1 where there is nothing.
-double scene_radius(const geometry::Primitives& primitives) {
-  const geometry::Bounds box = geometry::bounds_of(primitives);
-  if (!(box.upper[0] >= box.lower[0])) return 1;
-  const auto extent = [&](int k) { return double(box.upper[k]) - box.lower[k]; };
-  const double radius = 0.5 * std::hypot(extent(0), extent(1), extent(2));
-  return radius > 0 && std::isfinite(radius) ? radius : 1;
-}
-
 void blend(Mask here, const LightSample& s, LightSample& result) {
   result.direction = select(here, s.direction, result.direction);
   result.distance = select(here, s.distance, result.distance);
@@ -25,6 +16,7 @@ void blend(Mask here, const LightSample& s, LightSample& result) {
   result.pdf_solid_angle = select(here, s.pdf_solid_angle, result.pdf_solid_angle);
   result.valid = result.valid | (s.valid & here);
   result.delta = result.delta | (s.delta & here);
+  result.cosine = select(here, s.cosine, result.cosine);
 }
 
 Mask below(Int i, int32_t end) {
@@ -36,9 +28,10 @@ Mask below(Int i, int32_t end) {
 LightTable::LightTable(const scene::SceneDescription& description,
                        const geometry::Primitives& primitives, const texture::Images& images,
                        const texture::Textures& textures)
-    : areas_(description, primitives, textures),
-      deltas_(description.emitters, scene_radius(primitives), textures),
-      environment_(description.emitters, scene_radius(primitives), images) {
+    : scene_(bounding_sphere(primitives)),
+      areas_(description, primitives, textures),
+      deltas_(description.emitters, scene_, textures),
+      environment_(description.emitters, scene_, images) {
   make_distribution();
 }
 
@@ -58,18 +51,23 @@ void LightTable::make_distribution() {
     environment_.set_pick(part, pick_[first_part + part]);
 }
 
+LightTable::Kinds LightTable::kinds_of(Int light, Mask lanes) const {
+  const Mask area = lanes & below(light, areas_.count());
+  const Mask environment = lanes & ~below(light, areas_.count() + deltas_.count());
+  return {area, lanes & ~area & ~environment, environment};
+}
+
 LightSample LightTable::sample(const Vec3& reference, Float choice, Vec2 position,
                                Mask lanes) const {
   LightSample result;
   if (empty()) return result;
   const auto count = static_cast<int32_t>(cdf_.size());
   const Int light = find_in_cdf(cdf_.data(), Int(0), count, choice, lanes).index;
-  const int32_t first_delta = areas_.count(), first_part = first_delta + deltas_.count();
-  const Mask area = lanes & below(light, first_delta);
-  const Mask environment = lanes & ~below(light, first_part);
-  const Mask delta = lanes & ~area & ~environment;
+  const int32_t first_part = areas_.count() + deltas_.count();
+  const auto [area, delta, environment] = kinds_of(light, lanes);
+  result.light = light;
   if (any(area)) blend(area, areas_.sample(light, reference, position, area), result);
-  if (any(delta)) blend(delta, deltas_.sample(light - Int(first_delta), reference, delta), result);
+  if (any(delta)) blend(delta, deltas_.sample(delta_index(light), reference, delta), result);
   const Float pick = gather(pick_.data(), light, lanes);
   result.value = keep(result.valid, result.value / pick);
   result.pdf_solid_angle = result.pdf_solid_angle * pick;

@@ -17,12 +17,14 @@
 
 namespace metrofarm::emitter {
 
+// How likely bidirectional methods are to find a point on a light, or a direction of the
+// environment, that a path from the eye has met.
+struct HitDensity {
+  Float direct = Float(0.F);    // that sample() chooses it: by area, of directions by solid angle
+  Float emission = Float(0.F);  // Emission::pdf of the ray that runs back along the path
+};
+
 // Immutable; thread-safe.
-//
-// What a sampler of paths that start at lights will need beside sample(): the choice of a light
-// without a reference point (pick_light() as it is), a point of it (AreaLights::uniform_point;
-// a delta light's position; for environments and parallel light a point of the disk of the scene's
-// radius across the direction), and a direction from it. None of that is here yet.
 class LightTable {
  public:
   // primitives, images, textures: outlive this.
@@ -53,12 +55,37 @@ class LightTable {
     return environment_.pdf_solid_angle(direction, lanes);
   }
 
+  // ---- paths that start at lights ----
+
+  // A ray from a light that is chosen by power: its density includes the choice.
+  Emission emit(Float choice, Vec2 position, Vec2 direction, Mask lanes) const;
+  // With which sample() from `reference`, a point that the ray meets, would find its beginning: by
+  // solid angle times the cosine at the light (of point lights: the squared distance; of parallel
+  // light: the probability alone).
+  Float direct_density(const Emission& emission, const Vec3& reference, Mask lanes) const;
+  // Emission::pdf of the ray to `reference` over pdf_solid_angle (of delta lights as in
+  // direct_density()) and the cosine at the light: both for what sample() has given.
+  Float emission_over_direct(const LightSample& sample, Mask lanes) const;
+  HitDensity density_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+                            const geometry::Surface& surface, const Vec3& direction,
+                            Mask lanes) const;
+  HitDensity density_of_environment(const Vec3& direction, Mask lanes) const;
+  // Of a sphere around the scene.
+  float scene_radius() const { return static_cast<float>(scene_.radius); }
+
   bool empty() const { return cdf_.empty(); }
   uint64_t bytes() const;
 
  private:
+  // Which kind of light each lane has.
+  struct Kinds {
+    Mask area, delta, environment;
+  };
   void make_distribution();
+  Kinds kinds_of(Int light, Mask lanes) const;
+  Int delta_index(Int light) const { return light - Int(areas_.count()); }
 
+  BoundingSphere scene_;
   // Lights are numbered: area lights first, then delta lights, then parts of the environment.
   AreaLights areas_;
   DeltaLights deltas_;

@@ -33,14 +33,14 @@ Pair IndependentSource::pair(Slot slot, Mask lanes) {
   METROFARM_CHECK(slot < kSlotCount);
   used_ = std::max(used_, slot + 1);
   read_[slot] |= static_cast<uint8_t>(bits(lanes));
-  return fixed_pair(slot).to_float();
+  return pinned_pair(slot).to_float();
 }
 
 std::vector<StoredPair> IndependentSource::read_pairs(int lane) const {
   std::vector<StoredPair> out;
   for (Slot slot = 0; slot < used_; ++slot) {
     if ((read_[slot] >> lane & 1U) == 0) continue;
-    const FixedPair p = fixed_pair(slot);
+    const FixedPair p = pinned_pair(slot);
     out.push_back({slot, lane_word(p.first, lane), lane_word(p.second, lane)});
   }
   return out;

@@ -44,6 +44,11 @@ class IndependentSource : public SampleSource {
 
   // Begins samples first .. first + 7.
   void begin(uint64_t first);
+  // From now on the first coordinate in `slot` is this one, of all samples.
+  void pin(Slot slot, uint32_t first) {
+    pinned_slot_ = slot;
+    pinned_first_ = first;
+  }
 
   Pair pair(Slot slot, Mask lanes) override;
   std::vector<StoredPair> read_pairs(int lane) const override;
@@ -56,7 +61,15 @@ class IndependentSource : public SampleSource {
   }
 
  private:
+  FixedPair pinned_pair(Slot slot) const {
+    FixedPair p = fixed_pair(slot);
+    if (slot == pinned_slot_) p.first = UInt(pinned_first_);
+    return p;
+  }
+
   RngKey key_;
+  Slot pinned_slot_ = -1;  // none
+  uint32_t pinned_first_ = 0;
   UInt index_low_ = UInt(0U);
   UInt index_high_ = UInt(0U);
   std::vector<uint8_t> read_;  // lanes that have read each slot

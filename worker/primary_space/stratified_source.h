@@ -8,7 +8,7 @@ namespace metrofarm::primary_space {
 
 // Camera and first surface vertex; later pairs are independent. Owen 1998, "Latin Supercube
 // Sampling for Very High-Dimensional Simulations": stratify what matters most, pad the rest.
-inline constexpr Slot kStratifiedSlots = eye_slot(1, Decision::kLobe);
+inline constexpr Slot kStratifiedSlots = light_slot(0, Decision::kLobe);
 
 class StratifiedSource final : public IndependentSource {
  public:

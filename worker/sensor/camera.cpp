@@ -1,5 +1,6 @@
 #include "sensor/camera.h"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -67,6 +68,36 @@ Camera::Camera(const Sensor& sensor, const Film& film, int width, int height)
     set(lens_x_, axis[0] * radius);
     set(lens_y_, axis[1] * radius);
   }
+  invert_plane();
+}
+
+// Cramer's rule: the rows are cross products of the columns over their determinant.
+void Camera::invert_plane() {
+  const Axis& first = orthographic_ ? forward_ : corner_;
+  const auto cross_of = [](const Axis& a, const Axis& b) {
+    std::array<double, 3> c{};
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
+      c[k] = double(a.v[i]) * b.v[j] - double(a.v[j]) * b.v[i];
+    }
+    return c;
+  };
+  const auto normal = cross_of(step_x_, step_y_);
+  double determinant = 0;
+  for (int k = 0; k < 3; ++k) determinant += normal[k] * first.v[k];
+  const auto across_x = cross_of(step_y_, first), across_y = cross_of(first, step_x_);
+  for (int k = 0; k < 3; ++k) {
+    pixel_normal_.v[k] = static_cast<float>(normal[k]);
+    to_depth_.v[k] = static_cast<float>(normal[k] / determinant);
+    to_x_.v[k] = static_cast<float>(across_x[k] / determinant);
+    to_y_.v[k] = static_cast<float>(across_y[k] / determinant);
+  }
+}
+
+Vec3 Camera::aperture(Vec2 lens) const {
+  if (!has_lens_) return splat(0.F);
+  const Vec2 d = square_to_concentric_disk(lens);
+  return d.x * splat_of(lens_x_) + d.y * splat_of(lens_y_);
 }
 
 CameraRay Camera::ray(Float x, Float y, Vec2 lens) const {
@@ -75,16 +106,49 @@ CameraRay Camera::ray(Float x, Float y, Vec2 lens) const {
   Vec3 step = orthographic_ ? splat_of(forward_) : on_plane;
   Vec3 start = orthographic_ ? on_plane : splat_of(origin_);
   if (has_lens_) {
-    const Vec2 d = square_to_concentric_disk(lens);
-    const Vec3 aperture = d.x * splat_of(lens_x_) + d.y * splat_of(lens_y_);
-    start = start + aperture;
-    step = step - aperture * Float(inverse_focus_);
+    const Vec3 on_lens = aperture(lens);
+    start = start + on_lens;
+    step = step - on_lens * Float(inverse_focus_);
   }
   const Float stretch = length(step);
   // As in Mitsuba, the far clip plane of an orthographic camera doesn't scale with its matrix.
   const Float depth(far_ - near_);
   return {start + step * Float(near_), step * (Float(1.F) / stretch),
-          orthographic_ ? depth : depth * stretch};
+          orthographic_ ? depth : depth * stretch, Float(near_) * stretch};
+}
+
+// A raster step moves `step` by step_x_ or step_y_, which turns it by what is across it.
+Float Camera::density(const Vec3& step) const {
+  const Float pixel = xsimd::abs(dot(step, splat_of(pixel_normal_)));
+  const Float stretch = length(step);
+  return orthographic_ ? stretch / pixel : sqr(stretch) * stretch / pixel;
+}
+
+Float Camera::raster_per_area(const CameraRay& ray, Float t) const {
+  if (orthographic_) return density(ray.direction);
+  // density() takes a step that ends on the plane of depth 1, where pixel_normal_ was measured.
+  const Vec3 step = ray.direction / dot(ray.direction, splat_of(to_depth_));
+  return density(step) / sqr(ray.lead + t);
+}
+
+CameraConnection Camera::connect(const Vec3& point, Vec2 lens) const {
+  CameraConnection c;
+  const Vec3 from = point - (orthographic_ ? splat_of(corner_) : splat_of(origin_));
+  const Float depth = dot(from, splat_of(to_depth_));
+  const Vec3 on_lens = aperture(lens);
+  const Vec3 along = orthographic_ ? depth * splat_of(forward_) : from - on_lens;
+  const Vec3 step = orthographic_ ? splat_of(forward_) : along / depth;
+  const Vec3 on_plane = orthographic_ ? from : step + on_lens * Float(inverse_focus_);
+  c.raster_x = dot(on_plane, splat_of(to_x_));
+  c.raster_y = dot(on_plane, splat_of(to_y_));
+  const Float beyond = depth - Float(near_);
+  c.start = point - step * beyond;
+  const Float reach = orthographic_ ? beyond * length(step) : beyond;
+  c.valid = (beyond > Float(0.F)) & (reach <= Float(far_ - near_));
+  c.direction = -normalize(step);
+  c.raster_per_area = density(step);
+  if (!orthographic_) c.raster_per_area = c.raster_per_area / length_squared(along);
+  return c;
 }
 
 }  // namespace metrofarm::sensor

@@ -12,6 +12,16 @@ struct CameraRay {
   Vec3 origin;
   Vec3 direction;  // unit
   Float t_max;     // distance to the far clip plane
+  Float lead;      // distance from the lens (orthographic: the image plane) to the origin
+};
+
+// A point of the scene as the camera sees it.
+struct CameraConnection {
+  Vec3 start;      // on the near clip plane, where the ray to the point would start
+  Vec3 direction;  // unit, from the point towards the camera
+  Float raster_x, raster_y;
+  Float raster_per_area;  // see Camera::raster_per_area()
+  Mask valid;             // between the clip planes
 };
 
 class Camera {
@@ -28,17 +38,33 @@ class Camera {
   // outside the image continue its plane. lens: uniform over the unit square.
   CameraRay ray(Float x, Float y, Vec2 lens) const;
 
+  // Raster area, in square pixels, that a surface of unit area across the ray covers where the ray
+  // has come the distance t: the importance that the camera emits towards it (Veach 1997, section
+  // 8.2.1), in the units in which every pixel has size 1.
+  Float raster_per_area(const CameraRay& ray, Float t) const;
+
+  // The ray that ends at `point`, from the same place on the lens as ray(..., lens).
+  CameraConnection connect(const Vec3& point, Vec2 lens) const;
+
  private:
   struct Axis {
     float v[3] = {};
   };
   static Vec3 splat_of(const Axis& a) { return splat(a.v[0], a.v[1], a.v[2]); }
+  void invert_plane();
+  Vec3 aperture(Vec2 lens) const;
+  // Raster area per solid angle around `step`, or orthographic: per area.
+  Float density(const Vec3& step) const;
 
   // All in world space. A raster position lies at corner + x * step_x + y * step_y on the image
   // plane: of perspective cameras the plane z = 1 of their space seen from the origin, of
   // orthographic ones the plane z = 0 itself.
   Axis origin_, forward_, corner_, step_x_, step_y_;
   Axis lens_x_, lens_y_;  // radii of the aperture
+  // Rows that take a vector apart into depth, x and y: multiples of corner_ (orthographic:
+  // forward_), step_x_ and step_y_.
+  Axis to_depth_, to_x_, to_y_;
+  Axis pixel_normal_;  // step_x_ cross step_y_
   float inverse_focus_ = 0;
   float near_ = 0, far_ = 0;
   bool orthographic_ = false;

@@ -5,15 +5,13 @@
 // sampler is behind it.
 #pragma once
 
-#include <vector>
-
-#include "diagnostics/anomalies.h"
-#include "primary_space/sample_source.h"
 #include "sensor/camera.h"
-#include "transport/scene.h"
+#include "transport/estimator.h"
+#include "transport/interaction.h"
 
 namespace metrofarm::transport {
 
+// How a path from the eye finds emitters.
 enum class LightSampling { kMis, kEmitter, kBsdf };
 
 struct PathSettings {
@@ -23,58 +21,29 @@ struct PathSettings {
   bool hide_emitters = false;
 };
 
-// Maps the film pair's unit square to raster positions in pixels, per lane.
-struct RasterWindow {
-  Float x, y;  // upper left corner
-  Float width, height;
-};
-
-// What a path brings back: one splat.
-struct Contribution {
-  Float raster_x = Float(0.F);  // pixels
-  Float raster_y = Float(0.F);
-  Spectrum radiance = splat(0.F);
-};
-
-struct PathCosts {
-  uint64_t paths = 0;
-  uint64_t rays = 0;
-};
-
-// One per thread: keeps costs and incidents.
-class PathTracer {
+class PathTracer final : public Estimator {
  public:
   PathTracer(const Scene& scene, const sensor::Camera& camera, const PathSettings& settings);
 
-  // Traces the active lanes. Bad contributions are zero and listed in incidents().
-  Contribution trace(primary_space::SampleSource& source, const RasterWindow& window, Mask lanes);
-
-  const PathCosts& costs() const { return costs_; }
-  // Incidents of the last trace().
-  const std::vector<diagnostics::Incident>& incidents() const { return incidents_; }
+  void trace(primary_space::SampleSource& source, const RasterWindow& window, Mask lanes,
+             Contribution& out) override;
 
  private:
   struct State;
-  struct Vertex;
 
-  Vertex meet(State& path, primary_space::SampleSource& source, int depth);
-  void show(State& path, Vertex& vertex, primary_space::SampleSource& source, int depth);
+  Interaction meet(State& path, primary_space::SampleSource& source, int depth);
   void add_environment(State& path, Mask missed, int depth);
-  void add_emission(State& path, const Vertex& vertex, int depth);
-  void add_light_sample(State& path, const Vertex& vertex, primary_space::SampleSource& source,
+  void add_emission(State& path, const Interaction& vertex, int depth);
+  void add_light_sample(State& path, const Interaction& vertex, primary_space::SampleSource& source,
                         int depth);
-  Mask unoccluded(const Vertex& vertex, const emitter::LightSample& light, Mask lanes);
-  void scatter(State& path, const Vertex& vertex, primary_space::SampleSource& source, int depth);
-  void accumulate(State& path, const Spectrum& contribution, Mask lanes, diagnostics::Place place,
-                  int depth);
+  void scatter(State& path, const Interaction& vertex, primary_space::SampleSource& source,
+               int depth);
   Float weight_of_hit(Float pdf_bsdf, Float pdf_light, Mask delta) const;
 
   const Scene& scene_;
   const sensor::Camera& camera_;
   PathSettings settings_;
   int depth_limit_;
-  PathCosts costs_;
-  std::vector<diagnostics::Incident> incidents_;
 };
 
 }  // namespace metrofarm::transport

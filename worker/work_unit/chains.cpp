@@ -7,15 +7,54 @@ namespace metrofarm::work_unit {
 
 using metropolis::ChainPack;
 
+namespace {
+
+// The bootstrap's samples, as the job's estimator values them. Multiplexed paths are drawn with all
+// lengths alike, since how to draw them well is what the bootstrap finds out.
+class BootstrapRun {
+ public:
+  explicit BootstrapRun(const Context& context)
+      : BootstrapRun(context, multiplexed(context)
+                                  ? context.make_multiplexed(Context::Lengths::kUniform)
+                                  : nullptr) {}
+
+  RenderTarget& target() { return target_; }
+  burn_in::Bootstrap& bootstrap() { return bootstrap_; }
+
+ private:
+  static bool multiplexed(const Context& context) {
+    return context.spec().integrator == Integrator::kMmlt;
+  }
+  static std::vector<uint32_t> coordinates(const transport::MultiplexedTracer* tracer) {
+    std::vector<uint32_t> out;
+    if (tracer == nullptr) return out;
+    const auto lengths = static_cast<int>(tracer->length_probabilities().size());
+    for (int edges = 1; edges <= lengths; ++edges) out.push_back(tracer->coordinate_of(edges));
+    return out;
+  }
+
+  BootstrapRun(const Context& context, std::unique_ptr<transport::MultiplexedTracer> tracer)
+      : BootstrapRun(context, coordinates(tracer.get()), std::move(tracer)) {}
+  BootstrapRun(const Context& context, std::vector<uint32_t> lengths,
+               std::unique_ptr<transport::Estimator> estimator)
+      : target_(context, estimator ? std::move(estimator) : context.make_estimator()),
+        bootstrap_(context.spec().seed, context.spec().bootstrap_samples, target_,
+                   std::move(lengths)) {}
+
+  RenderTarget target_;
+  burn_in::Bootstrap bootstrap_;
+};
+
+}  // namespace
+
 BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count) {
-  RenderTarget target(context);
-  burn_in::Bootstrap bootstrap(context.spec().seed, context.spec().bootstrap_samples, target);
+  BootstrapRun run(context);
   BootstrapOutput out;
   out.values.resize(count);
   for (uint32_t i = 0; i < count; i += kLanes)
-    bootstrap.evaluate(first + i).store_unaligned(&out.values[i]);
-  out.rays = target.costs().rays;
-  out.anomalies = target.anomalies();
+    run.bootstrap().evaluate(first + i).store_unaligned(&out.values[i]);
+  out.rays = run.target().costs().rays;
+  out.anomalies = run.target().anomalies();
   return out;
 }
 
@@ -27,24 +66,52 @@ Error replay_error(uint64_t index, float expected, float found) {
           " was reported: workers disagree about the scene"};
 }
 
+// Carries a seed from the bootstrap's distribution of path lengths to that of the chains: the same
+// path, divided by another probability.
+class LengthChange {
+ public:
+  explicit LengthChange(const Context& context) {
+    if (context.spec().integrator != Integrator::kMmlt) return;
+    before_ = context.make_multiplexed(Context::Lengths::kUniform);
+    after_ = context.make_multiplexed(Context::Lengths::kAsResolved);
+  }
+  bool needed() const { return before_ != nullptr; }
+
+  void apply(size_t length_index, int lane, PackState& pack) const {
+    const float ratio = before_->length_probabilities()[length_index] /
+                        after_->length_probabilities()[length_index];
+    pack.chains.f[lane] *= ratio;
+    for (RenderTarget::LaneSplat& splat : pack.payload[lane])
+      for (float& v : splat.rgb) v *= ratio;
+    for (primary_space::StoredPair& pair : pack.pairs[lane]) {
+      if (pair.slot == primary_space::kTechniqueSlot)
+        pair.first = after_->coordinate_of(static_cast<int>(length_index) + 1);
+    }
+  }
+
+ private:
+  std::unique_ptr<transport::MultiplexedTracer> before_, after_;
+};
+
 }  // namespace
 
 Result<GroupState> start_chains(const Context& context, const ChainSeeds& seeds) {
   if (seeds.indices.size() != kGroupSize || seeds.values.size() != kGroupSize)
     return Error{"a chain group needs " + std::to_string(kGroupSize) + " seeds"};
-  RenderTarget target(context);
-  burn_in::Bootstrap bootstrap(context.spec().seed, context.spec().bootstrap_samples, target);
+  BootstrapRun run(context);
+  const LengthChange lengths(context);
   GroupState state;
   for (int chain = 0; chain < kGroupSize; ++chain) {
     const uint64_t index = seeds.indices[chain];
     const int from = static_cast<int>(index % kLanes);
-    const float f = lane_value(bootstrap.evaluate(index - from), from);
+    const float f = lane_value(run.bootstrap().evaluate(index - from), from);
     if (!(f > 0) || f != seeds.values[chain]) return replay_error(index, seeds.values[chain], f);
     PackState& pack = state[chain / kLanes];
     const int lane = chain % kLanes;
     pack.chains.f[lane] = f;
-    pack.payload[lane] = target.proposal(from);
-    pack.pairs[lane] = bootstrap.pairs(from);
+    pack.payload[lane] = run.target().proposal(from);
+    pack.pairs[lane] = run.bootstrap().pairs(from);
+    if (lengths.needed()) lengths.apply(run.bootstrap().length_index(index - from), lane, pack);
   }
   return state;
 }

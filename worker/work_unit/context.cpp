@@ -30,7 +30,9 @@ std::string problem_with(const Spec& spec) {
       spec.bootstrap_samples > kLargestBootstrap)
     return "bootstrap_samples must be an even multiple of 64, at most 2^32";
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
-  return spec.integrator == Integrator::kPssmlt ? problem_with_kernel(spec.kernel) : "";
+  if (spec.integrator == Integrator::kMmlt && !(spec.path.max_depth >= 1))
+    return "max_depth must be at least 1 where the integrator is mmlt";
+  return runs_chains(spec.integrator) ? problem_with_kernel(spec.kernel) : "";
 }
 
 Context::Context(const transport::Scene& scene, const Spec& spec)
@@ -42,7 +44,7 @@ Context::Context(const transport::Scene& scene, const Spec& spec)
       cells_y_(spec.height + 2 * filter_.border()) {}
 
 film::FilmShape Context::film_shape() const {
-  return {spec_.width, spec_.height, spec_.integrator == Integrator::kPssmlt ? 2 : 1};
+  return {spec_.width, spec_.height, runs_chains(spec_.integrator) ? 2 : 1};
 }
 
 transport::RasterWindow Context::whole_raster() const {
@@ -59,6 +61,28 @@ transport::RasterWindow Context::cell_windows(uint64_t first) const {
     y[lane] = static_cast<float>(static_cast<int>(cell / cells_x_) - filter_.border());
   }
   return {Float::load_aligned(x), Float::load_aligned(y), Float(1.F), Float(1.F)};
+}
+
+transport::BidirectionalSettings Context::bidirectional_settings() const {
+  return {spec_.path.max_depth, spec_.path.rr_depth, spec_.path.hide_emitters};
+}
+
+std::unique_ptr<transport::MultiplexedTracer> Context::make_multiplexed(Lengths lengths) const {
+  std::vector<double> probabilities = spec_.length_probabilities;
+  if (lengths == Lengths::kUniform || probabilities.empty())
+    probabilities.assign(spec_.path.max_depth, 1.0);
+  return std::make_unique<transport::MultiplexedTracer>(scene_, camera_, bidirectional_settings(),
+                                                        whole_raster(), probabilities);
+}
+
+std::unique_ptr<transport::Estimator> Context::make_estimator() const {
+  const bool over_bdpt = spec_.integrator == Integrator::kPssmlt && spec_.under == Under::kBdpt;
+  if (spec_.integrator == Integrator::kMmlt) return make_multiplexed(Lengths::kAsResolved);
+  if (spec_.integrator == Integrator::kBdpt || over_bdpt) {
+    return std::make_unique<transport::BidirectionalTracer>(
+        scene_, camera_, bidirectional_settings(), whole_raster());
+  }
+  return std::make_unique<transport::PathTracer>(scene_, camera_, spec_.path);
 }
 
 }  // namespace metrofarm::work_unit

@@ -3,28 +3,35 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/result.h"
 #include "film/film.h"
 #include "metropolis/kernel.h"
+#include "transport/multiplexed.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
 
 namespace metrofarm::work_unit {
 
-enum class Integrator { kPath, kPssmlt };
+enum class Integrator { kPath, kPssmlt, kBdpt, kMmlt };
+// What the chains of kPssmlt run over.
+enum class Under { kPath, kBdpt };
 
 // See metrofarm.job.v1.ResolvedSpec.
 struct Spec {
   Integrator integrator = Integrator::kPath;
+  Under under = Under::kPath;
   transport::PathSettings path;
   int width = 0;
   int height = 0;
   uint64_t seed = 0;
   uint64_t bootstrap_samples = 65536;  // both halves together
   metropolis::Kernel kernel;
+  // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps.
+  std::vector<double> length_probabilities;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
 };
@@ -33,6 +40,10 @@ struct Spec {
 inline constexpr int kGroupSize = 64;
 inline constexpr uint64_t kLargestBootstrap = uint64_t{1} << 32;
 inline constexpr int kPacksPerGroup = kGroupSize / kLanes;
+
+inline bool runs_chains(Integrator i) {
+  return i == Integrator::kPssmlt || i == Integrator::kMmlt;
+}
 
 // What is wrong with a spec, empty if nothing is.
 std::string problem_with(const Spec& spec);
@@ -58,7 +69,15 @@ class Context {
   // Raster windows of the eight cells from `first`.
   transport::RasterWindow cell_windows(uint64_t first) const;
 
+  // What the spec asks for, for one thread.
+  std::unique_ptr<transport::Estimator> make_estimator() const;
+  // Multiplexed paths, drawn as the spec says or, for the bootstrap, with all lengths alike.
+  enum class Lengths { kUniform, kAsResolved };
+  std::unique_ptr<transport::MultiplexedTracer> make_multiplexed(Lengths lengths) const;
+
  private:
+  transport::BidirectionalSettings bidirectional_settings() const;
+
   const transport::Scene& scene_;
   Spec spec_;
   sensor::Camera camera_;

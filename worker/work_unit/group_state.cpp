@@ -7,7 +7,7 @@
 namespace metrofarm::work_unit {
 namespace {
 
-constexpr uint32_t kMagic = 0x31534743;  // "CGS1"
+constexpr uint32_t kMagic = 0x32534743;  // "CGS2"
 
 class Writer {
  public:
@@ -56,8 +56,9 @@ void write_pack(Writer& w, const PackState& pack) {
     w.put(sums.count);
     w.put(sums.sum);
     w.put(sums.sum_squares);
-    const RenderTarget::Payload& p = pack.payload[lane];
-    for (float v : {p.x, p.y, p.rgb[0], p.rgb[1], p.rgb[2]}) w.put(v);
+    w.put(static_cast<uint32_t>(pack.payload[lane].size()));
+    for (const RenderTarget::LaneSplat& p : pack.payload[lane])
+      for (float v : {p.x, p.y, p.rgb[0], p.rgb[1], p.rgb[2]}) w.put(v);
     w.put(static_cast<uint32_t>(pack.pairs[lane].size()));
     for (const primary_space::StoredPair& pair : pack.pairs[lane]) {
       w.put(static_cast<uint32_t>(pair.slot));
@@ -80,18 +81,29 @@ bool read_pairs(Reader& r, std::vector<primary_space::StoredPair>& pairs) {
   return r.complete();
 }
 
+bool read_payload(Reader& r, RenderTarget::Payload& payload) {
+  const auto count = r.get<uint32_t>();
+  if (count > static_cast<uint32_t>(primary_space::kLongestPath)) return false;
+  for (uint32_t i = 0; i < count && r.complete(); ++i) {
+    RenderTarget::LaneSplat p;
+    for (float* v : {&p.x, &p.y, &p.rgb[0], &p.rgb[1], &p.rgb[2]}) *v = r.get<float>();
+    bool sound = std::isfinite(p.x) && std::isfinite(p.y);
+    for (float v : p.rgb) sound = sound && v >= 0 && std::isfinite(v);
+    if (!sound) return false;
+    payload.push_back(p);
+  }
+  return r.complete();
+}
+
 bool read_lane(Reader& r, PackState& pack, int lane) {
   metropolis::LargeStepSums& sums = pack.chains.sums[lane];
   pack.chains.f[lane] = r.get<float>();
   sums.count = r.get<uint64_t>();
   sums.sum = r.get<double>();
   sums.sum_squares = r.get<double>();
-  RenderTarget::Payload& p = pack.payload[lane];
-  for (float* v : {&p.x, &p.y, &p.rgb[0], &p.rgb[1], &p.rgb[2]}) *v = r.get<float>();
   const float f = pack.chains.f[lane];
-  bool sound = f > 0 && std::isfinite(f) && std::isfinite(p.x) && std::isfinite(p.y);
-  for (float v : p.rgb) sound = sound && v >= 0 && std::isfinite(v);
-  return r.complete() && sound && read_pairs(r, pack.pairs[lane]);
+  return r.complete() && f > 0 && std::isfinite(f) && read_payload(r, pack.payload[lane]) &&
+         read_pairs(r, pack.pairs[lane]);
 }
 
 }  // namespace

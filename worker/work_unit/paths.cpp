@@ -3,6 +3,7 @@
 
 #include "math/rng.h"
 #include "primary_space/stratified_source.h"
+#include "work_unit/splat_lanes.h"
 #include "work_unit/units.h"
 
 namespace metrofarm::work_unit {
@@ -17,7 +18,7 @@ class PathRun {
  public:
   PathRun(const Context& context, film::Film& film)
       : context_(context),
-        tracer_(context.scene(), context.camera(), context.spec().path),
+        estimator_(context.make_estimator()),
         source_(rng_key(context.spec().seed, RngDomain::kPath)),
         splatter_(film, context.filter()),
         scale_(static_cast<float>(1 / context.spec().unit)),
@@ -35,9 +36,9 @@ class PathRun {
     SegmentOutput out;
     out.digest = splatter_.digest();
     out.anomalies = anomalies_;
-    out.counts.mutations = tracer_.costs().paths;
-    out.counts.path_evaluations = tracer_.costs().paths;
-    out.counts.rays = tracer_.costs().rays;
+    out.counts.mutations = estimator_->costs().paths;
+    out.counts.path_evaluations = estimator_->costs().paths;
+    out.counts.rays = estimator_->costs().rays;
     return out;
   }
 
@@ -50,10 +51,10 @@ class PathRun {
     // them to be.
     const uint64_t sequence = k % film::kHalves * context_.cells() + first_cell;
     source_.begin_sequences(number, sequence, static_cast<uint32_t>(k / film::kHalves));
-    const transport::Contribution c =
-        tracer_.trace(source_, context_.cell_windows(first_cell), first_lanes(left));
-    for (const diagnostics::Incident& incident : tracer_.incidents()) log(incident);
-    splat(c, number, left);
+    const Mask lanes = first_lanes(left);
+    estimator_->trace(source_, context_.cell_windows(first_cell), lanes, found_);
+    for (const diagnostics::Incident& incident : estimator_->incidents()) log(incident);
+    splat(number, lanes);
   }
 
   void log(const diagnostics::Incident& incident) {
@@ -62,29 +63,24 @@ class PathRun {
       anomalies_.keep({incident, replayable(source_.read_pairs(incident.lane))});
   }
 
-  void splat(const transport::Contribution& c, uint64_t number, int lanes) {
-    const Spectrum value = c.radiance * Float(scale_);
-    alignas(32) float x[kLanes], y[kLanes], r[kLanes], g[kLanes], b[kLanes];
-    c.raster_x.store_aligned(x);
-    c.raster_y.store_aligned(y);
-    value.x.store_aligned(r);
-    value.y.store_aligned(g);
-    value.z.store_aligned(b);
-    for (int lane = 0; lane < lanes; ++lane) {
-      const float rgb[3] = {r[lane], g[lane], b[lane]};
-      const float largest = std::max({rgb[0], rgb[1], rgb[2]});
-      if (largest == 0) continue;
-      if (!(largest < kLargestSample)) {
+  void splat(uint64_t number, Mask lanes) {
+    for (size_t i = 0; i < found_.splats.size(); ++i) {
+      const transport::Splat& s = found_.splats[i];
+      const Mask lit = lanes & not_black(s.radiance);
+      const Mask fits = max_component(s.radiance) * Float(scale_) < Float(kLargestSample);
+      for (uint32_t rest = bits(lit & ~fits); rest != 0; rest &= rest - 1) {
         log({diagnostics::AnomalyKind::kOutOfRange, diagnostics::Place::kFilm, 0,
-             static_cast<uint8_t>(lane)});
-        continue;
+             static_cast<uint8_t>(__builtin_ctz(rest))});
       }
-      splatter_.splat(destination_, x[lane], y[lane], rgb, mix64(noise_ + number + lane));
+      uint64_t noise[kLanes];
+      for (int lane = 0; lane < kLanes; ++lane) noise[lane] = mix64(noise_ + number + lane) + i;
+      splat_lanes(splatter_, destination_, s, Float(scale_), lit & fits, noise);
     }
   }
 
   const Context& context_;
-  transport::PathTracer tracer_;
+  std::unique_ptr<transport::Estimator> estimator_;
+  transport::Contribution found_;
   primary_space::StratifiedSource source_;
   film::Splatter splatter_;
   film::Destination destination_;

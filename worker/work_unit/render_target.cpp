@@ -1,6 +1,7 @@
 #include "work_unit/render_target.h"
 
 #include "math/rng.h"
+#include "work_unit/splat_lanes.h"
 
 namespace metrofarm::work_unit {
 
@@ -9,11 +10,20 @@ using metropolis::Which;
 
 namespace {
 
+// Trailing splats that are black in this lane are left out.
 RenderTarget::Payload payload_of(const transport::Contribution& c, int lane) {
-  return {lane_value(c.raster_x, lane),
-          lane_value(c.raster_y, lane),
-          {lane_value(c.radiance.x, lane), lane_value(c.radiance.y, lane),
-           lane_value(c.radiance.z, lane)}};
+  RenderTarget::Payload out;
+  size_t used = 1;
+  for (const transport::Splat& s : c.splats) {
+    out.push_back({lane_value(s.raster_x, lane),
+                   lane_value(s.raster_y, lane),
+                   {lane_value(s.radiance.x, lane), lane_value(s.radiance.y, lane),
+                    lane_value(s.radiance.z, lane)}});
+    const float* rgb = out.back().rgb;
+    if (rgb[0] != 0 || rgb[1] != 0 || rgb[2] != 0) used = out.size();
+  }
+  out.resize(used);
+  return out;
 }
 
 }  // namespace
@@ -28,8 +38,10 @@ std::vector<uint32_t> replayable(const std::vector<primary_space::StoredPair>& p
   return out;
 }
 
-RenderTarget::RenderTarget(const Context& context)
-    : context_(context), tracer_(context.scene(), context.camera(), context.spec().path) {}
+RenderTarget::RenderTarget(const Context& context, std::unique_ptr<transport::Estimator> estimator)
+    : context_(context), estimator_(std::move(estimator)) {
+  current_.reset();
+}
 
 void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain) {
   splatter_ = splatter;
@@ -40,19 +52,20 @@ void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t
 }
 
 Float RenderTarget::evaluate(primary_space::SampleSource& source) {
-  proposal_ = tracer_.trace(source, context_.whole_raster(), all_lanes());
+  estimator_->trace(source, context_.whole_raster(), all_lanes(), proposal_);
   // The sum of sound contributions can still leave the range of floats.
-  const Mask sound = diagnostics::sound(proposal_.radiance);
-  if (!tracer_.incidents().empty()) log_incidents(source);
+  const Spectrum total = proposal_.total();
+  const Mask sound = diagnostics::sound(total);
+  if (!estimator_->incidents().empty()) log_incidents(source);
   if (!all(sound)) {
     anomalies_.count(diagnostics::AnomalyKind::kInfinite);
-    proposal_.radiance = keep(sound, proposal_.radiance);
+    for (transport::Splat& s : proposal_.splats) s.radiance = keep(sound, s.radiance);
   }
-  return luminance(proposal_.radiance);
+  return keep(sound, luminance(total));
 }
 
 void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
-  for (const diagnostics::Incident& incident : tracer_.incidents()) {
+  for (const diagnostics::Incident& incident : estimator_->incidents()) {
     anomalies_.count(incident.kind);
     if (anomalies_.wants_sample())
       anomalies_.keep({incident, replayable(source.read_pairs(incident.lane))});
@@ -60,26 +73,21 @@ void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
 }
 
 void RenderTarget::accept(Mask lanes) {
-  current_.raster_x = select(lanes, proposal_.raster_x, current_.raster_x);
-  current_.raster_y = select(lanes, proposal_.raster_y, current_.raster_y);
-  current_.radiance = select(lanes, proposal_.radiance, current_.radiance);
+  current_.take(proposal_, lanes);
 }
 
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
   if (none(lanes)) return;
   const transport::Contribution& c = which == Which::kCurrent ? current_ : proposal_;
-  const Spectrum value = c.radiance * scale;
-  alignas(32) float x[kLanes], y[kLanes], r[kLanes], g[kLanes], b[kLanes];
-  c.raster_x.store_aligned(x);
-  c.raster_y.store_aligned(y);
-  value.x.store_aligned(r);
-  value.y.store_aligned(g);
-  value.z.store_aligned(b);
   destination_.layer = static_cast<int>(layer);
-  for (uint32_t rest = bits(lanes); rest != 0; rest &= rest - 1) {
-    const int lane = __builtin_ctz(rest);
-    const float rgb[3] = {r[lane], g[lane], b[lane]};
-    splatter_->splat(destination_, x[lane], y[lane], rgb, mix64(noise_[lane] ^ mix64(serial)));
+  const uint64_t call = mix64(serial);
+  uint64_t noise[kLanes];
+  for (size_t i = 0; i < c.splats.size(); ++i) {
+    const transport::Splat& s = c.splats[i];
+    const Mask lit = lanes & not_black(s.radiance);
+    // Splats of one call are dithered apart.
+    for (int lane = 0; lane < kLanes; ++lane) noise[lane] = mix64(noise_[lane] ^ (call + i));
+    splat_lanes(*splatter_, destination_, s, scale, lit, noise);
   }
 }
 
@@ -90,12 +98,17 @@ RenderTarget::Payload RenderTarget::current(int lane) const {
   return payload_of(current_, lane);
 }
 
-void RenderTarget::set_current(int lane, const Payload& p) {
-  set_lane_value(current_.raster_x, lane, p.x);
-  set_lane_value(current_.raster_y, lane, p.y);
-  set_lane_value(current_.radiance.x, lane, p.rgb[0]);
-  set_lane_value(current_.radiance.y, lane, p.rgb[1]);
-  set_lane_value(current_.radiance.z, lane, p.rgb[2]);
+void RenderTarget::set_current(int lane, const Payload& payload) {
+  if (current_.splats.size() < payload.size()) current_.splats.resize(payload.size());
+  for (size_t i = 0; i < current_.splats.size(); ++i) {
+    transport::Splat& s = current_.splats[i];
+    const LaneSplat p = i < payload.size() ? payload[i] : LaneSplat{};
+    set_lane_value(s.raster_x, lane, p.x);
+    set_lane_value(s.raster_y, lane, p.y);
+    set_lane_value(s.radiance.x, lane, p.rgb[0]);
+    set_lane_value(s.radiance.y, lane, p.rgb[1]);
+    set_lane_value(s.radiance.z, lane, p.rgb[2]);
+  }
 }
 
 }  // namespace metrofarm::work_unit

@@ -1,17 +1,22 @@
 // The renderer as a chain's target: f is the luminance that a path brings back.
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "diagnostics/anomalies.h"
 #include "film/film.h"
 #include "metropolis/target.h"
-#include "transport/path_tracer.h"
+#include "transport/estimator.h"
 #include "work_unit/context.h"
 
 namespace metrofarm::work_unit {
 
 class RenderTarget final : public metropolis::Target {
  public:
-  explicit RenderTarget(const Context& context);
+  // The estimator is the context's, unless another is given.
+  explicit RenderTarget(const Context& context) : RenderTarget(context, context.make_estimator()) {}
+  RenderTarget(const Context& context, std::unique_ptr<transport::Estimator> estimator);
 
   // Where record() splats: half and statistics group of the chains, and the first chain's number.
   void begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain);
@@ -23,21 +28,22 @@ class RenderTarget final : public metropolis::Target {
 
   // The proposal of one lane becomes the current state of another: a chain starts from its seed.
   // Source and destination are kept apart by storing into `to` only.
-  struct Payload {
+  struct LaneSplat {
     float x, y, rgb[3];
   };
+  using Payload = std::vector<LaneSplat>;  // by splat
   Payload proposal(int lane) const;
   Payload current(int lane) const;
   void set_current(int lane, const Payload& payload);
 
-  const transport::PathCosts& costs() const { return tracer_.costs(); }
+  const transport::PathCosts& costs() const { return estimator_->costs(); }
   const diagnostics::AnomalyLog& anomalies() const { return anomalies_; }
 
  private:
   void log_incidents(const primary_space::SampleSource& source);
 
   const Context& context_;
-  transport::PathTracer tracer_;
+  std::unique_ptr<transport::Estimator> estimator_;
   transport::Contribution current_, proposal_;
   diagnostics::AnomalyLog anomalies_;
   film::Splatter* splatter_ = nullptr;

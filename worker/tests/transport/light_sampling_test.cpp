@@ -77,14 +77,16 @@ TEST(PathTracer, MaskedLanesChangeNothing) {
   int differing = 0;
   for (uint64_t i = 0; i < 400; i += kLanes) {
     source.begin(i);
-    const auto together = tracer.trace(source, window, all_lanes());
+    Contribution together, alone;
+    tracer.trace(source, window, all_lanes(), together);
     for (int lane = 0; lane < kLanes; ++lane) {
       source.begin(i);
-      const auto alone = tracer.trace(source, window, mask_from_bits(1U << lane));
-      if (lane_value(alone.radiance.y, lane) != lane_value(together.radiance.y, lane)) ++differing;
+      tracer.trace(source, window, mask_from_bits(1U << lane), alone);
+      const Float found = alone.total().y;
+      if (lane_value(found, lane) != lane_value(together.total().y, lane)) ++differing;
       for (int other = 0; other < kLanes; ++other) {
         if (other == lane) continue;
-        EXPECT_EQ(lane_value(alone.radiance.y, other), 0.F);
+        EXPECT_EQ(lane_value(found, other), 0.F);
       }
     }
   }
@@ -101,7 +103,8 @@ TEST(PathTracer, ReadsOnlyWhatAPathNeeds) {
   PathTracer tracer(scene, camera, {});
   primary_space::IndependentSource source(rng_key(3, RngDomain::kTest));
   source.begin(0);
-  tracer.trace(source, {Float(0.F), Float(0.F), Float(8.F), Float(8.F)}, all_lanes());
+  Contribution found;
+  tracer.trace(source, {Float(0.F), Float(0.F), Float(8.F), Float(8.F)}, all_lanes(), found);
   ASSERT_EQ(source.read_pairs(0).size(), 1U);
   EXPECT_EQ(source.read_pairs(0)[0].slot, primary_space::kFilmSlot);
 }

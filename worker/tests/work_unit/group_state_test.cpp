@@ -17,8 +17,11 @@ GroupState random_state(uint64_t seed) {
     for (int lane = 0; lane < kLanes; ++lane) {
       pack.chains.f[lane] = uniform(random);
       pack.chains.sums[lane] = {random(), double(uniform(random)), double(uniform(random))};
-      pack.payload[lane] = {
-          uniform(random), uniform(random), {uniform(random), uniform(random), uniform(random)}};
+      for (uint64_t i = 1 + random() % 5; i > 0; --i) {
+        pack.payload[lane].push_back({uniform(random),
+                                      uniform(random),
+                                      {uniform(random), uniform(random), uniform(random)}});
+      }
       for (uint64_t i = random() % 20; i > 0; --i)
         pack.pairs[lane].push_back({static_cast<int>(random() % primary_space::kSlotCount),
                                     static_cast<uint32_t>(random()),
@@ -36,7 +39,7 @@ TEST(GroupState, SurvivesTheRoundTrip) {
     ASSERT_TRUE(parsed.ok());
     EXPECT_EQ(serialize(parsed.value()), bytes);
     EXPECT_EQ(parsed.value()[3].chains.iteration, state[3].chains.iteration);
-    EXPECT_EQ(parsed.value()[7].payload[5].rgb[2], state[7].payload[5].rgb[2]);
+    EXPECT_EQ(parsed.value()[7].payload[5].back().rgb[2], state[7].payload[5].back().rgb[2]);
     ASSERT_EQ(parsed.value()[1].pairs[2].size(), state[1].pairs[2].size());
   }
 }
@@ -80,13 +83,13 @@ TEST(GroupState, StatesThatNoChainHasAreRefused) {
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "f = " << f;
     if (f >= -1) continue;
     bad = good;
-    bad[2].payload[3].x = f;
+    bad[2].payload[3][0].x = f;
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "x = " << f;
   }
   for (float v :
        {-1.F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     GroupState bad = good;
-    bad[2].payload[3].rgb[1] = v;
+    bad[2].payload[3].back().rgb[1] = v;
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "radiance " << v;
   }
 }
