@@ -117,7 +117,7 @@ BidirectionalTracer::Scattering BidirectionalTracer::scattering(End end, const I
   const bsdf::Evaluation back = scene_.materials().evaluate(v.lobe, lanes, wi, v.wo, backward);
   if (eye) return {e.value, e.pdf_solid_angle, back.pdf_solid_angle};
   const Float factor =
-      adjoint_factor(v.surface.geometric_normal, v.frame.n, v.frame.to_world(v.wo), direction);
+      adjoint_factor(v.surface.geometric_normal, v.shading_normal(), v.frame.to_world(v.wo), direction);
   return {keep(not_black(e.value), e.value * factor), e.pdf_solid_angle, back.pdf_solid_angle};
 }
 
@@ -142,7 +142,7 @@ void BidirectionalTracer::scatter(Sample& sample, Subpath& path, const Interacti
   const Float cosine = cosine_at(v, path.direction);
   path.active = path.active & (cosine > Float(0.F));
   if (!eye) {
-    weight = weight * adjoint_factor(v.surface.geometric_normal, v.frame.n, v.frame.to_world(v.wo),
+    weight = weight * adjoint_factor(v.surface.geometric_normal, v.shading_normal(), v.frame.to_world(v.wo),
                                      path.direction);
   }
   const Mask smooth = path.active & ~s.delta;

@@ -38,6 +38,11 @@ struct Interaction {
   Vec3 wo;      // towards where the ray came from, in the frame
   bsdf::ShownLobe lobe;
 
+  // Whose cosines the material's values hold: the one that a map has bent, where it has.
+  Vec3 shading_normal() const {
+    if (none(lobe.bent)) return frame.n;
+    return select(lobe.bent, frame.to_world(lobe.inner.n), frame.n);
+  }
   // Where a new ray towards `direction` starts.
   Vec3 origin_towards(const Vec3& direction) const {
     return geometry::offset_origin(surface.position, surface.geometric_normal, surface.offset,

@@ -4,6 +4,7 @@
 
 #include <functional>
 
+#include "tests/emitter/lights.h"
 #include "tests/support/room.h"
 #include "tests/support/trace.h"
 #include "transport/multiplexed.h"
@@ -97,7 +98,76 @@ scene::SceneDescription smooth_tetrahedron() {
   return b.take();
 }
 
+scene::SceneDescription under_a_map() {
+  SceneBuilder b = open_block();
+  b.description().images.push_back(test::map_image(
+      16, 8, [](int x, int y) { return x == 3 && y == 2 ? 40.F : 0.2F + 0.1F * y; }));
+  scene::EnvironmentEmitter map;
+  map.image = 0;
+  b.emitter(map);
+  b.emitter(scene::ConstantEmitter{{0.1F, 0.1F, 0.1F}});
+  b.emitter(scene::PointEmitter{{0.5, 1, -0.5}, {1, 1, 1}});
+  return b.take();
+}
+
+scene::Index checkerboard(SceneBuilder& b) {
+  scene::CheckerboardTexture board;
+  board.colour0 = {1, 0.9F, 0.2F};
+  board.colour1 = {0.1F, 0.1F, 0.5F};
+  b.description().textures.push_back({board, "", {}});
+  return static_cast<scene::Index>(b.description().textures.size() - 1);
+}
+
+scene::SceneDescription under_a_textured_light() {
+  SceneBuilder b = grey_box();
+  scene::TriangleMesh panel = test::quad({-0.5, 1.4, 0.5}, {1, 0, 0}, {0, 0, 1});
+  panel.texcoords = {0, 0, 2, 0, 2, 2, 0, 2};
+  const scene::Colour radiance({6, 6, 6}, checkerboard(b));
+  b.shape(panel, b.diffuse(0.5F), b.emitter(scene::AreaEmitter{radiance}));
+  return b.take();
+}
+
+scene::SceneDescription masked_blend() {
+  scene::SceneDescription d = ball_of(scene::Diffuse{});
+  const auto add = [&](const auto& model) {
+    d.bsdfs.push_back({model, "", {}});
+    return static_cast<scene::Index>(d.bsdfs.size() - 1);
+  };
+  scene::RoughConductor metal;
+  metal.alpha_u = metal.alpha_v = 0.25F;
+  const scene::Index glossy = add(metal), dull = add(scene::Diffuse{});
+  const scene::Index both = add(scene::Blend{0.4F, glossy, dull});
+  const scene::Index seen = add(scene::TwoSided{both, both});
+  const scene::Index masked = add(scene::Mask{0.6F, seen});
+  for (scene::Shape& shape : d.shapes)
+    if (std::holds_alternative<scene::Sphere>(shape.geometry)) shape.bsdf = masked;
+  return d;
+}
+
+scene::SceneDescription normal_mapped() {
+  SceneBuilder b = grey_box();
+  b.description().images.push_back({2, 2, 3,
+                                    std::vector<float>{0.8F, 0.5F, 0.9F, 0.3F, 0.6F, 0.9F,  //
+                                                       0.5F, 0.2F, 0.9F, 0.6F, 0.7F, 0.9F},
+                                    false});
+  scene::BitmapTexture normals;
+  normals.image = 0;
+  b.description().textures.push_back({normals, "", {}});
+  const scene::Index grey = b.diffuse(0.6F);
+  const scene::Index bent = b.material(scene::NormalMap{0, grey});
+  scene::TriangleMesh panel = test::quad({-1, -1, 2.5}, {0, 2, 0}, {2, 0, -0.6});
+  panel.texcoords = {0, 0, 1, 0, 1, 1, 0, 1};
+  b.shape(panel, b.material(scene::TwoSided{bent, bent}));
+  b.shape(test::quad({-0.5, 1.4, 0.5}, {1, 0, 0}, {0, 0, 1}), grey, b.area_light(6));
+  return b.take();
+}
+
 std::vector<Case> cases() {
+  scene::Principled principled;
+  principled.roughness = 0.3F;
+  principled.metallic = 0.3F;
+  principled.clearcoat = 0.7F;
+  principled.spec_trans = 0.4F;
   scene::SpotEmitter spot;
   spot.to_world = looking_down(0.3, 1.2, 1);
   spot.intensity.value = {9, 8, 7};
@@ -135,7 +205,27 @@ std::vector<Case> cases() {
       {"ThinLens", [] { return through(scene::Projection::kThinLens); }},
       {"Orthographic", [] { return through(scene::Projection::kOrthographic); }},
       {"SmoothTetrahedron", smooth_tetrahedron},
+      {"EnvironmentMap", under_a_map},
+      {"TexturedLight", under_a_textured_light},
+      {"CylinderLight",
+       [] {
+         SceneBuilder b = grey_box();
+         b.shape(scene::Cylinder{{0.2, 0, 0, 0.8, 0, 0.2, 0, 0.6, 0, 0, 1, 0.5, 0, 0, 0, 1}},
+                 b.diffuse(0.5F), b.area_light(4));
+         return b.take();
+       }},
+      {"Plastic", [] { return ball_of(scene::Plastic{}); }},
+      {"RoughPlastic", [] { return ball_of(scene::RoughPlastic{}); }},
+      {"Principled", [=] { return ball_of(principled); }},
+      {"ThinDielectric", [] { return ball_of(scene::ThinDielectric{}); }},
+      {"DiffuseTransmitter", [] { return ball_of(scene::DiffuseTransmitter{}); }},
+      {"MaskedBlend", masked_blend},
+      {"NormalMap", normal_mapped},
   };
+}
+
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.name;
 }
 
 class Bidirectional : public testing::TestWithParam<Case> {};
