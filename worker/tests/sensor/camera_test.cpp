@@ -160,5 +160,49 @@ TEST(Camera, AnotherAspectRatioShowsMoreAboveAndBelow) {
   }
 }
 
+// A point on a ray, shown to the camera, leads back to where the ray came from; and the raster area
+// that a surface covers is what neighbouring rays enclose.
+TEST(Camera, ConnectionsInvertRays) {
+  for (const MitsubaRay& r : kMitsubaRays) {
+    SCOPED_TRACE("ray " + std::to_string(&r - kMitsubaRays));
+    scene::Film film;
+    film.width = r.film[0];
+    film.height = r.film[1];
+    const Camera camera(sensor_of(r), film, film.width, film.height);
+    const Float x(r.position[0] * float(film.width)), y(r.position[1] * float(film.height));
+    const Vec2 lens{Float(r.lens[0]), Float(r.lens[1])};
+    const CameraRay ray = camera.ray(x, y, lens);
+    const Float t(7.5F);
+    const CameraConnection c = camera.connect(ray.origin + ray.direction * t, lens);
+    ASSERT_TRUE(all(c.valid));
+    EXPECT_NEAR(lane_value(c.raster_x, 0), lane_value(x, 0), 2e-4F * float(film.width));
+    EXPECT_NEAR(lane_value(c.raster_y, 0), lane_value(y, 0), 2e-4F * float(film.width));
+    expect_near(lane_of(c.start, 0), lane_of(ray.origin, 0), 1e-4);
+    expect_near(lane_of(c.direction, 0), lane_of(-ray.direction, 0), 1e-5);
+    const float per_area = lane_value(camera.raster_per_area(ray, t), 0);
+    EXPECT_NEAR(lane_value(c.raster_per_area, 0) / per_area, 1, 1e-4);
+    // The area across the ray that a raster step each way spans, by differences of half a pixel.
+    const auto at = [&](float dx, float dy) {
+      const CameraRay near = camera.ray(x + Float(dx), y + Float(dy), lens);
+      const Float to_plane = dot(ray.origin + ray.direction * t - near.origin, ray.direction) /
+                             dot(near.direction, ray.direction);
+      return near.origin + near.direction * to_plane;
+    };
+    const Vec3 across = cross(at(0.5F, 0) - at(-0.5F, 0), at(0, 0.5F) - at(0, -0.5F));
+    EXPECT_NEAR(lane_value(length(across), 0) * per_area, 1, 5e-3);
+  }
+}
+
+TEST(Camera, PointsBeyondTheClipPlanesAreNotConnected) {
+  scene::Sensor sensor;
+  sensor.near_clip = 1;
+  sensor.far_clip = 10;
+  const Camera camera(sensor, scene::Film{}, 64, 64);
+  const Vec2 middle{Float(0.5F), Float(0.5F)};
+  for (auto [depth, seen] :
+       {std::pair{0.9F, false}, {1.1F, true}, {9.9F, true}, {10.1F, false}, {-2.F, false}})
+    EXPECT_EQ(any(camera.connect(splat(0.1F, 0.1F, depth), middle).valid), seen) << depth;
+}
+
 }  // namespace
 }  // namespace metrofarm::sensor
