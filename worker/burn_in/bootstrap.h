@@ -27,10 +27,17 @@ class Bootstrap {
   // f of each sample; their payloads are the target's proposals until the next evaluation.
   Float evaluate(uint64_t first) {
     // A sequence for each half: the halves stay independent, as the error estimate takes them to
-    // be.
-    source_.begin_points(first, first / half_, static_cast<uint32_t>(first % half_));
-    if (!lengths_.empty())
-      source_.pin(primary_space::kTechniqueSlot, lengths_[length_index(first)]);
+    // be. And one for each length: every n-th point of a sequence is no even cover.
+    const uint64_t half = first / half_, in_half = first % half_;
+    if (lengths_.empty()) {
+      source_.begin_points(first, half, static_cast<uint32_t>(in_half));
+    } else {
+      const size_t length = length_index(first);
+      const uint64_t turn = in_half / kLanes / lengths_.size();
+      source_.begin_points(first, half * lengths_.size() + length,
+                           static_cast<uint32_t>(turn * kLanes));
+      source_.pin(primary_space::kTechniqueSlot, lengths_[length]);
+    }
     return target_.evaluate(source_);
   }
 

@@ -14,32 +14,22 @@ namespace {
 class BootstrapRun {
  public:
   explicit BootstrapRun(const Context& context)
-      : BootstrapRun(context, multiplexed(context)
-                                  ? context.make_multiplexed(Context::Lengths::kUniform)
-                                  : nullptr) {}
+      : target_(context, context.make_estimator(Context::Lengths::kUniform)),
+        bootstrap_(context.spec().seed, context.spec().bootstrap_samples, target_,
+                   coordinates_of_lengths(context)) {}
 
   RenderTarget& target() { return target_; }
   burn_in::Bootstrap& bootstrap() { return bootstrap_; }
 
  private:
-  static bool multiplexed(const Context& context) {
-    return context.spec().integrator == Integrator::kMmlt;
-  }
-  static std::vector<uint32_t> coordinates(const transport::MultiplexedTracer* tracer) {
+  static std::vector<uint32_t> coordinates_of_lengths(const Context& context) {
     std::vector<uint32_t> out;
-    if (tracer == nullptr) return out;
+    if (context.spec().integrator != Integrator::kMmlt) return out;
+    const auto tracer = context.make_multiplexed(Context::Lengths::kUniform);
     const auto lengths = static_cast<int>(tracer->length_probabilities().size());
     for (int edges = 1; edges <= lengths; ++edges) out.push_back(tracer->coordinate_of(edges));
     return out;
   }
-
-  BootstrapRun(const Context& context, std::unique_ptr<transport::MultiplexedTracer> tracer)
-      : BootstrapRun(context, coordinates(tracer.get()), std::move(tracer)) {}
-  BootstrapRun(const Context& context, std::vector<uint32_t> lengths,
-               std::unique_ptr<transport::Estimator> estimator)
-      : target_(context, estimator ? std::move(estimator) : context.make_estimator()),
-        bootstrap_(context.spec().seed, context.spec().bootstrap_samples, target_,
-                   std::move(lengths)) {}
 
   RenderTarget target_;
   burn_in::Bootstrap bootstrap_;

@@ -75,9 +75,9 @@ std::unique_ptr<transport::MultiplexedTracer> Context::make_multiplexed(Lengths 
                                                         whole_raster(), probabilities);
 }
 
-std::unique_ptr<transport::Estimator> Context::make_estimator() const {
+std::unique_ptr<transport::Estimator> Context::make_estimator(Lengths lengths) const {
   const bool over_bdpt = spec_.integrator == Integrator::kPssmlt && spec_.under == Under::kBdpt;
-  if (spec_.integrator == Integrator::kMmlt) return make_multiplexed(Lengths::kAsResolved);
+  if (spec_.integrator == Integrator::kMmlt) return make_multiplexed(lengths);
   if (spec_.integrator == Integrator::kBdpt || over_bdpt) {
     return std::make_unique<transport::BidirectionalTracer>(
         scene_, camera_, bidirectional_settings(), whole_raster());

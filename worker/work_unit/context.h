@@ -69,10 +69,12 @@ class Context {
   // Raster windows of the eight cells from `first`.
   transport::RasterWindow cell_windows(uint64_t first) const;
 
-  // What the spec asks for, for one thread.
-  std::unique_ptr<transport::Estimator> make_estimator() const;
-  // Multiplexed paths, drawn as the spec says or, for the bootstrap, with all lengths alike.
+  // Lengths of multiplexed paths: drawn as the spec says or, for the bootstrap, all alike.
   enum class Lengths { kUniform, kAsResolved };
+  // What the spec asks for, for one thread.
+  std::unique_ptr<transport::Estimator> make_estimator(
+      Lengths lengths = Lengths::kAsResolved) const;
+  // Requires: the integrator is kMmlt.
   std::unique_ptr<transport::MultiplexedTracer> make_multiplexed(Lengths lengths) const;
 
  private:
