@@ -27,12 +27,13 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from bench import ROOT, machine
 from scoring import Reference, read_reference, read_rgb
 from variants import VARIANTS, BenchScene, Variant, all_scenes
 
+from bench import ROOT, machine
+
 matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402  the backend is chosen first
+from matplotlib import pyplot
 
 METROFARM = ROOT / "bin" / "metrofarm"
 MITSUBA = ROOT / ".tools" / "bench" / "bin" / "python"
@@ -166,7 +167,7 @@ def plot(scene: str, by_variant: dict[str, list[list[Run]]], out: Path) -> None:
 
 def header(arguments: argparse.Namespace) -> str:
     commit = run(["git", "-C", str(ROOT), "describe", "--always", "--dirty"]).strip()
-    version = run([str(METROFARM), "--version"]).strip()
+    version = run([str(METROFARM), "version"]).strip()
     return (
         f"C = relMSE x CPU seconds (smaller is better; bold: the scene's best), median (smallest.."
         f"largest) of {arguments.seeds} seeds at {arguments.seconds:g} CPU seconds; {machine()}; "
