@@ -1,15 +1,13 @@
-// Every emitter of a scene, chosen in proportion to its power and sampled eight at a time.
+// Every emitter of a scene, chosen for who asks (see LightSelection) and sampled eight at a time.
 //
-// Area lights are picked by primitive, so where they are not textured all their points are chosen
-// with a density proportional to weight_of() what they emit.
+// Each primitive of a shape that radiates is a light of its own.
 #pragma once
-
-#include <vector>
 
 #include "emitter/area_lights.h"
 #include "emitter/delta_lights.h"
 #include "emitter/environment.h"
 #include "emitter/light_sample.h"
+#include "emitter/light_selection.h"
 #include "geometry/primitives.h"
 #include "geometry/surface.h"
 #include "texture/images.h"
@@ -19,25 +17,25 @@ namespace metrofarm::emitter {
 
 // Immutable; thread-safe.
 //
-// What a sampler of paths that start at lights will need beside sample(): the choice of a light
-// without a reference point (pick_light() as it is), a point of it (AreaLights::uniform_point;
-// a delta light's position; for environments and parallel light a point of the disk of the scene's
-// radius across the direction), and a direction from it. None of that is here yet.
+// What a sampler of paths that start at lights will need beside sample(): a light without a
+// receiver (by_power()), a point of it (AreaLights::uniform_point; a delta light's position; for
+// environments and parallel light a point of the disk of the scene's radius across the direction),
+// and a direction from it. All but the first is not here yet.
 class LightTable {
  public:
   // primitives, images, textures: outlive this.
   LightTable(const scene::SceneDescription& description, const geometry::Primitives& primitives,
              const texture::Images& images, const texture::Textures& textures);
 
-  // A light seen from `reference`. choice picks the light, position a point on it.
-  LightSample sample(const Vec3& reference, Float choice, Vec2 position, Mask lanes) const;
+  // A light seen from the receiver. choice picks the light, position a point on it.
+  LightSample sample(const Receiver& receiver, Float choice, Vec2 position, Mask lanes) const;
 
   // Radiance that the surface emits towards where the ray came from, 0 where it is no light.
   // Requires: surface.point is filled if wants_uv().
   Spectrum emitted(const geometry::Surface& surface, const Vec3& direction, Mask lanes) const;
-  // pdf_solid_angle with which sample() from `reference` chooses the direction to the surface hit;
+  // pdf_solid_angle with which sample() chooses the direction to the surface hit for the receiver;
   // 0 where the shape is no light.
-  Float pdf_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+  Float pdf_of_hit(const Receiver& receiver, const geometry::RayHits& hits,
                    const geometry::Surface& surface, const Vec3& direction, Mask lanes) const;
 
   // Whether emitted() looks up textures.
@@ -53,18 +51,21 @@ class LightTable {
     return environment_.pdf_solid_angle(direction, lanes);
   }
 
-  bool empty() const { return cdf_.empty(); }
+  // Every light by its power alone, for choices that know no receiver.
+  const WeightTable& by_power() const { return by_power_; }
+
+  bool empty() const { return by_power_.empty(); }
   uint64_t bytes() const;
 
  private:
-  void make_distribution();
+  void make_distributions();
 
   // Lights are numbered: area lights first, then delta lights, then parts of the environment.
   AreaLights areas_;
   DeltaLights deltas_;
   Environment environment_;
-  std::vector<float> cdf_;   // upper end of each light's part of [0, 1)
-  std::vector<float> pick_;  // its length
+  WeightTable by_power_;
+  LightSelection selection_;
 };
 
 }  // namespace metrofarm::emitter

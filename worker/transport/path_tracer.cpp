@@ -33,7 +33,7 @@ struct PathTracer::State {
   Spectrum radiance = splat(0.F);
   Float pdf_solid_angle = Float(0.F);  // of the last scattered direction
   Mask delta = all_lanes();            // the last event left light sampling no chance
-  Vec3 reference = splat(0.F);         // where light sampling looked from
+  emitter::Receiver receiver;          // for which light sampling looked
   Float eta2 = Float(1.F);             // product of squared index ratios, undone in the roulette
 };
 
@@ -43,6 +43,7 @@ struct PathTracer::Vertex {
   Frame frame;
   Vec3 wo;
   bsdf::ShownLobe lobe;
+  emitter::Receiver receiver;
 };
 
 PathTracer::PathTracer(const Scene& scene, const sensor::Camera& camera,
@@ -121,6 +122,8 @@ void PathTracer::show(State& path, Vertex& v, SampleSource& source, int depth) {
   const Float turn = select(v.lobe.turned, Float(-1.F), Float(1.F));
   v.frame.n = v.frame.n * turn;
   v.wo.z = v.wo.z * turn;
+  const Mask one_sided = materials.one_sided(v.lobe, path.active);
+  v.receiver = {v.surface.position, keep(one_sided, v.frame.n)};
 }
 
 void PathTracer::accumulate(State& path, const Spectrum& contribution, Mask lanes, Place place,
@@ -166,7 +169,7 @@ void PathTracer::add_emission(State& path, const Vertex& v, int depth) {
   Float weight(1.F);
   if (any(lit & ~delta)) {
     const Float pdf_light =
-        scene_.lights().pdf_of_hit(path.reference, v.hits, v.surface, path.direction, lit & ~delta);
+        scene_.lights().pdf_of_hit(path.receiver, v.hits, v.surface, path.direction, lit & ~delta);
     weight = weight_of_hit(path.pdf_solid_angle, pdf_light, delta);
   }
   accumulate(path, path.throughput * emitted * weight, lit, Place::kEmission, depth);
@@ -180,7 +183,7 @@ void PathTracer::add_light_sample(State& path, const Vertex& v, SampleSource& so
   const Pair point = source.pair(eye_slot(depth - 1, Decision::kLightPoint), smooth);
 
   const emitter::LightSample light =
-      scene_.lights().sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
+      scene_.lights().sample(v.receiver, choice.first, {point.first, point.second}, smooth);
   const Vec3 wi = v.frame.to_local(light.direction);
   const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi,
                                                          bsdf::Transport::kRadiance);
@@ -224,7 +227,7 @@ void PathTracer::scatter(State& path, const Vertex& v, SampleSource& source, int
   path.direction = normalize(v.frame.to_world(s.wi));
   path.origin = geometry::offset_origin(v.surface.position, v.surface.geometric_normal,
                                         v.surface.offset, path.direction);
-  path.reference = v.surface.position;
+  path.receiver = v.receiver;
   path.pdf_solid_angle = s.pdf_solid_angle;
   path.delta = s.delta;
   // A throughput that is no colour ends the path here, where its cause is known.
