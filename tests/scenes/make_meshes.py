@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the generated meshes of the scenes in this directory (all surfaces of revolution).
+"""Writes the generated meshes of the scenes in this directory (surfaces of revolution, and lamps).
 
 usage: make_meshes.py            writes every mesh; the output is committed and does not change
                                  between runs
@@ -85,14 +85,15 @@ def revolve(profile: list[Point], segments: int, closed: bool) -> Mesh:
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
+    """With normals, if the mesh has any."""
     with path.open("w", encoding="ascii", newline="\n") as out:
         out.write("ply\nformat ascii 1.0\ncomment made by make_meshes.py\n")
         out.write(f"element vertex {len(mesh.positions)}\n")
-        for name in ("x", "y", "z", "nx", "ny", "nz"):
+        for name in ["x", "y", "z"] + ["nx", "ny", "nz"] * bool(mesh.normals):
             out.write(f"property float {name}\n")
         out.write(f"element face {len(mesh.triangles)}\n")
         out.write("property list uchar int vertex_indices\nend_header\n")
-        for p, n in zip(mesh.positions, mesh.normals, strict=True):
+        for p, n in itertools.zip_longest(mesh.positions, mesh.normals, fillvalue=()):
             out.write(" ".join(f"{v:.5g}" for v in (*p, *n)) + "\n")
         for a, b, c in mesh.triangles:
             out.write(f"3 {a} {b} {c}\n")
@@ -176,10 +177,51 @@ def goblet() -> Mesh:
     return revolve(smooth(outside + inside, 2), 64, closed=False)
 
 
+GOLDEN = (1 + math.sqrt(5)) / 2
+ICOSAHEDRON = [
+    *((0.0, a, b * GOLDEN) for a in (-1.0, 1.0) for b in (-1.0, 1.0)),
+    *((a, b * GOLDEN, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)),
+    *((b * GOLDEN, 0.0, a) for a in (-1.0, 1.0) for b in (-1.0, 1.0)),
+]
+
+
+def icosahedron_faces() -> list[tuple[int, int, int]]:
+    """The twenty triangles of neighbours, counterclockwise from outside."""
+    faces = []
+    for a, b, c in itertools.combinations(range(12), 3):
+        p, q, r = (ICOSAHEDRON[i] for i in (a, b, c))
+        if any(abs(math.dist(s, t) - 2) > 1e-9 for s, t in ((p, q), (q, r), (r, p))):
+            continue
+        u, v = ([q[k] - p[k] for k in range(3)], [r[k] - p[k] for k in range(3)])
+        normal = [u[k - 2] * v[k - 1] - u[k - 1] * v[k - 2] for k in range(3)]
+        outward = sum(n * x for n, x in zip(normal, p, strict=True)) > 0
+        faces.append((a, b, c) if outward else (a, c, b))
+    return faces
+
+
+def lamps(room: int) -> Mesh:
+    """Twenty-five icosahedra on a grid of 5 x 5 under the ceiling of one of four rooms."""
+    mesh = Mesh([], [], [])
+    left, near = 6.0 * (room % 2) - 6.0, 6.0 * (room // 2) - 6.0
+    for lamp in range(25):
+        # Radii from 2 to 6 cm and heights from 1.4 to 2.4 m, in no order that a row repeats.
+        radius = 0.02 + 0.01 * (lamp * 7 % 5)
+        center = (left + 1 + lamp % 5, 1.4 + 0.25 * (lamp * 3 % 5), near + 1 + lamp // 5)
+        first = len(mesh.positions)
+        scale = radius / math.hypot(1, GOLDEN)
+        for vertex in ICOSAHEDRON:
+            position = [c + scale * v for c, v in zip(center, vertex, strict=True)]
+            mesh.positions.append((position[0], position[1], position[2]))
+        mesh.triangles += [(a + first, b + first, c + first) for a, b, c in icosahedron_faces()]
+    return mesh
+
+
 def main() -> None:
     write_ply(HERE / "ring-caustic" / "ring.ply", ring())
     write_obj(HERE / "door-ajar" / "vase.obj", vase())
     write_serialized(HERE / "door-ajar" / "goblet.serialized", goblet(), "goblet")
+    for room in range(4):
+        write_ply(HERE / "many-lights" / f"lamps{room}.ply", lamps(room))
 
 
 if __name__ == "__main__":

@@ -183,13 +183,21 @@ Sample Materials::sample(const ShownLobe& lobe, Mask lanes, const Vec3& wo, cons
   return s;
 }
 
-Mask Materials::smooth(const ShownLobe& lobe, Mask lanes) const {
-  const uint32_t smooth_kinds = kinds_present_ & ~kDeltaKinds;
+Mask Materials::shows_any(uint32_t kinds, const ShownLobe& lobe, Mask lanes) const {
   Mask result = no_lanes();
   for (int k = 0; k < kLobeKinds; ++k) {
-    if ((smooth_kinds & kind_bit(k)) != 0) result = result | (lanes & equal(lobe.kind, Int(k)));
+    if ((kinds & kinds_present_ & kind_bit(k)) != 0)
+      result = result | (lanes & equal(lobe.kind, Int(k)));
   }
   return result;
+}
+
+Mask Materials::smooth(const ShownLobe& lobe, Mask lanes) const {
+  return shows_any(~kDeltaKinds, lobe, lanes);
+}
+
+Mask Materials::one_sided(const ShownLobe& lobe, Mask lanes) const {
+  return lanes & ~lobe.bent & ~shows_any(kThroughKinds, lobe, lanes);
 }
 
 }  // namespace metrofarm::bsdf

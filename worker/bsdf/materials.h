@@ -57,12 +57,15 @@ class Materials {
                 Transport transport) const;
   // Lanes whose lobe has a density, so that light sampling can reach them.
   Mask smooth(const ShownLobe& lobe, Mask lanes) const;
+  // Lanes whose lobe is black wherever wi.z <= 0.
+  Mask one_sided(const ShownLobe& lobe, Mask lanes) const;
 
  private:
   struct Model {
     int32_t kind, row;
   };
 
+  Mask shows_any(uint32_t kinds, const ShownLobe& lobe, Mask lanes) const;
   Model add_model(const scene::Bsdf& bsdf);
   template <class Scene>
   Model add_rough(const Scene& model, int32_t beckmann, const Row& row);

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "emitter/light_bounds.h"
 #include "emitter/light_sample.h"
 #include "geometry/primitives.h"
 #include "geometry/surface.h"
@@ -22,6 +23,8 @@ class AreaLights {
   int32_t primitive(int light) const { return primitive_[light]; }
   // Power by weight_of(), W.
   const std::vector<double>& powers() const { return powers_; }
+  // Where the light is and where it shines. Requires: powers() are still there.
+  LightBounds bounds(int light) const;
   // Frees powers().
   void forget_powers() { powers_ = {}; }
 

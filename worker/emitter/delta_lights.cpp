@@ -1,5 +1,6 @@
 #include "emitter/delta_lights.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -116,6 +117,40 @@ void DeltaLights::add(const scene::DirectionalEmitter& parallel) {
   const scene::Point& d = parallel.direction;
   const double length = std::hypot(d[0], d[1], d[2]);
   for (int k = 0; k < 3; ++k) row[kPosition + k] = static_cast<float>(-d[k] / length);
+}
+
+LightBounds DeltaLights::bounds(int light) const {
+  const float* row = &rows_[size_t(light) * kStride];
+  LightBounds b;
+  for (int k = 0; k < 3; ++k) b.lower[k] = b.upper[k] = row[kPosition + k];
+  b.normals.cosine = kAllDirections;
+  b.intensity = powers_[light] / (4 * kPiDouble);
+  if (kind_[light] == kPoint) return b;
+  // Squares of lengths in the light's space differ from those in the world where axes are scaled
+  // unequally: then angles do too, and the light is taken to shine everywhere.
+  Double3 axis{};
+  for (int i = 0; i < 3; ++i) {
+    const float* v = row + kWorldToLight + ptrdiff_t{3} * i;
+    const float* next = row + kWorldToLight + ptrdiff_t{3} * ((i + 1) % 3);
+    const double square = double(v[0]) * v[0] + double(v[1]) * v[1] + double(v[2]) * v[2];
+    const double skew = double(v[0]) * next[0] + double(v[1]) * next[1] + double(v[2]) * next[2];
+    if (std::fabs(square - 1) > 1e-4 || std::fabs(skew) > 1e-4) return b;
+    for (int k = 0; k < 3; ++k) axis[k] = v[k] / std::sqrt(square);
+  }
+  b.normals.axis = axis;
+  if (kind_[light] == kSpot) {
+    const double cutoff = row[kCutoff], beam = std::acos(row[kCosBeam]);
+    b.normals.cosine = std::cos(beam);
+    b.cos_spread = std::cos(std::clamp(cutoff - beam, 0.0, kPiDouble));
+    b.intensity = powers_[light] / spot_solid_angle(beam, cutoff);
+  } else {
+    const double half_width = 0.5 / std::fabs(row[kUvScale]);
+    const double half_height = 0.5 / std::fabs(row[kUvScale + 1]);
+    b.normals.cosine = 1 / std::hypot(1, half_width, half_height);
+    b.cos_spread = 1;
+    b.intensity = powers_[light] / (4 * half_width * half_height);
+  }
+  return b;
 }
 
 // Over the unit square of texture coordinates.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "emitter/bounding_sphere.h"
+#include "emitter/light_bounds.h"
 #include "emitter/light_sample.h"
 #include "scene/description.h"
 #include "texture/textures.h"
@@ -23,6 +24,10 @@ class DeltaLights {
   int count() const { return static_cast<int>(kind_.size()); }
   // Power by weight_of(), W; of parallel light what falls onto the scene.
   const std::vector<double>& powers() const { return powers_; }
+  bool infinitely_far(int light) const { return kind_[light] == kDirectional; }
+  // Where the light is and where it shines. Requires: not infinitely far away; powers() are still
+  // there.
+  LightBounds bounds(int light) const;
   // Frees powers().
   void forget_powers() { powers_ = {}; }
 

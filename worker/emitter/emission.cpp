@@ -1,6 +1,5 @@
 // Rays that leave lights, and how likely they are: what bidirectional methods ask a LightTable.
 #include "emitter/light_table.h"
-#include "emitter/lookup.h"
 
 namespace metrofarm::emitter {
 namespace {
@@ -22,16 +21,15 @@ void blend(Mask here, const Emission& e, Emission& result) {
 Emission LightTable::emit(Float choice, Vec2 position, Vec2 direction, Mask lanes) const {
   Emission result;
   if (empty()) return result;
-  const auto count = static_cast<int32_t>(cdf_.size());
-  const Int light = find_in_cdf(cdf_.data(), Int(0), count, choice, lanes).index;
+  const LightChoice chosen = by_power_.choose(choice, lanes);
+  const Int light = chosen.light;
   const auto [area, delta, environment] = kinds_of(light, lanes);
   result.light = light;
   if (any(area)) blend(area, areas_.emit(light, position, direction, area), result);
   if (any(delta))
     blend(delta, deltas_.emit(delta_index(light), position, direction, delta), result);
-  const Float pick = gather(pick_.data(), light, lanes);
-  result.power = keep(result.valid, result.power / pick);
-  result.pdf = result.pdf * pick;
+  result.power = keep(result.valid, result.power / chosen.probability);
+  result.pdf = result.pdf * chosen.probability;
   // The environment knows the probabilities of its parts.
   if (any(environment)) {
     const Int part = delta_index(light) - Int(deltas_.count());
@@ -40,9 +38,10 @@ Emission LightTable::emit(Float choice, Vec2 position, Vec2 direction, Mask lane
   return result;
 }
 
-Float LightTable::direct_density(const Emission& e, const Vec3& reference, Mask lanes) const {
+Float LightTable::direct_density(const Emission& e, const Receiver& receiver, Mask lanes) const {
   const auto [area, delta, environment] = kinds_of(e.light, lanes);
-  Float density = gather(pick_.data(), e.light, lanes);
+  const Vec3& reference = receiver.position;
+  Float density = selection_.probability(e.light, receiver, lanes);
   if (any(area)) {
     geometry::Surface surface;
     surface.position = e.position;
@@ -61,9 +60,9 @@ Float LightTable::direct_density(const Emission& e, const Vec3& reference, Mask 
 
 Float LightTable::emission_over_direct(const LightSample& s, Mask lanes) const {
   const auto [area, delta, environment] = kinds_of(s.light, lanes);
+  const Float pick = by_power_.probability(s.light, lanes);
   Float ratio(0.F);
   if (any(area)) {
-    const Float pick = gather(pick_.data(), s.light, area);
     // The cosine of both is left out.
     const Mask front = area & (s.cosine > Float(0.F));
     ratio = keep(front, pick * areas_.pdf_emission(s.light, Float(1.F), area) / s.pdf_solid_angle);
@@ -72,7 +71,8 @@ Float LightTable::emission_over_direct(const LightSample& s, Mask lanes) const {
     const Int light = delta_index(s.light);
     const Float pdf = deltas_.pdf_emission(light, -s.direction, delta);
     const Mask far = deltas_.parallel(light, delta);
-    ratio = select(delta, select(far, pdf, pdf / sqr(s.distance)), ratio);
+    const Float per_pick = pick * pdf / s.pick;
+    ratio = select(delta, select(far, per_pick, per_pick / sqr(s.distance)), ratio);
   }
   if (any(environment)) {
     const Float pdf = environment_.pdf_emission(s.direction, environment);
@@ -81,19 +81,21 @@ Float LightTable::emission_over_direct(const LightSample& s, Mask lanes) const {
   return ratio;
 }
 
-HitDensity LightTable::density_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+HitDensity LightTable::density_of_hit(const Receiver& receiver, const geometry::RayHits& hits,
                                       const geometry::Surface& surface, const Vec3& direction,
                                       Mask lanes) const {
   HitDensity d;
   const Mask lit = areas_.radiates(surface.shape, lanes);
   if (none(lit)) return d;
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
-  const Float pick = gather(pick_.data(), light, lit);
+  const Vec3& reference = receiver.position;
   const Float cosine = -dot(direction, surface.geometric_normal);
   const Float solid_angle = areas_.pdf(light, reference, surface, direction, lit);
   const Float distance2 = length_squared(surface.position - reference);
-  d.direct = keep(lit, pick * solid_angle * xsimd::abs(cosine) / distance2);
-  d.emission = keep(lit, pick * areas_.pdf_emission(light, cosine, lit));
+  d.direct = keep(lit, selection_.probability(light, receiver, lit) * solid_angle *
+                           xsimd::abs(cosine) / distance2);
+  d.emission =
+      keep(lit, by_power_.probability(light, lit) * areas_.pdf_emission(light, cosine, lit));
   return d;
 }
 

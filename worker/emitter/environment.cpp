@@ -32,10 +32,12 @@ Environment::Environment(const std::vector<scene::Emitter>& emitters, const Boun
   if (has_constant()) powers_.push_back(etendue * weight_of_constant_);
   for (const EnvironmentMap& map : maps_) powers_.push_back(etendue * map.mean_weight());
   picks_.assign(powers_.size(), 0.F);
+  emission_picks_ = picks_;
 }
 
-void Environment::set_pick(int part, double probability) {
-  picks_[part] = static_cast<float>(probability);
+void Environment::set_picks(int part, double for_sample, double for_emit) {
+  picks_[part] = static_cast<float>(for_sample);
+  emission_picks_[part] = static_cast<float>(for_emit);
 }
 
 Spectrum Environment::radiance(const Vec3& direction, Mask lanes) const {
@@ -44,26 +46,33 @@ Spectrum Environment::radiance(const Vec3& direction, Mask lanes) const {
   return sum;
 }
 
-Float Environment::pdf_solid_angle(const Vec3& direction, Mask lanes) const {
+Float Environment::mixture(const std::vector<float>& picks, const Vec3& direction,
+                           Mask lanes) const {
   size_t part = 0;
   Float pdf(0.F);
-  if (has_constant()) pdf = keep(lanes, Float(picks_[part++] * kUniformPdf));
+  if (has_constant()) pdf = keep(lanes, Float(picks[part++] * kUniformPdf));
   for (const EnvironmentMap& map : maps_)
-    pdf = pdf + Float(picks_[part++]) * map.pdf_solid_angle(direction, lanes);
+    pdf = pdf + Float(picks[part++]) * map.pdf_solid_angle(direction, lanes);
   return pdf;
+}
+
+Vec3 Environment::direction_from(Int part, Vec2 u, Mask lanes) const {
+  Vec3 direction = splat(0.F);
+  int32_t first_map = 0;
+  if (has_constant()) {
+    first_map = 1;
+    direction = square_to_sphere(u);
+  }
+  for (size_t i = 0; i < maps_.size(); ++i) {
+    const Mask mine = lanes & equal(part, Int(first_map + static_cast<int32_t>(i)));
+    if (any(mine)) direction = select(mine, maps_[i].sample(u, mine), direction);
+  }
+  return direction;
 }
 
 LightSample Environment::sample(Int part, Vec2 u, Mask lanes) const {
   LightSample s;
-  int32_t first_map = 0;
-  if (has_constant()) {
-    first_map = 1;
-    s.direction = square_to_sphere(u);
-  }
-  for (size_t i = 0; i < maps_.size(); ++i) {
-    const Mask mine = lanes & equal(part, Int(first_map + static_cast<int32_t>(i)));
-    if (any(mine)) s.direction = select(mine, maps_[i].sample(u, mine), s.direction);
-  }
+  s.direction = direction_from(part, u, lanes);
   s.distance = Float(std::numeric_limits<float>::infinity());
   const Spectrum found = radiance(s.direction, lanes);
   const Float pdf = pdf_solid_angle(s.direction, lanes);
@@ -74,14 +83,15 @@ LightSample Environment::sample(Int part, Vec2 u, Mask lanes) const {
 }
 
 Emission Environment::emit(Int part, Vec2 position, Vec2 direction, Mask lanes) const {
-  const LightSample from = sample(part, direction, lanes);
+  const Vec3 from = direction_from(part, direction, lanes);
   Emission e;
-  e.direction = -from.direction;
+  e.direction = -from;
   e.origin = scene_.point_before(e.direction, position);
   e.position = e.origin;
-  e.valid = from.valid;
-  e.pdf = from.pdf_solid_angle * Float(1.F / scene_.disk_area());
-  e.power = from.value * Float(scene_.disk_area());
+  const Spectrum found = radiance(from, lanes);
+  e.pdf = pdf_emission(from, lanes);
+  e.valid = lanes & (e.pdf > Float(0.F)) & not_black(found);
+  e.power = keep(e.valid, found / e.pdf);
   return e;
 }
 

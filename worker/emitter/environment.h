@@ -24,13 +24,15 @@ class Environment {
   bool empty() const { return powers_.empty(); }
   // Power by weight_of() that reaches the scene, W.
   const std::vector<double>& powers() const { return powers_; }
-  // Probability with which callers of sample() choose the part.
-  void set_pick(int part, double probability);
+  // Probabilities with which callers of sample() and of emit() choose the part.
+  void set_picks(int part, double for_sample, double for_emit);
 
   // direction: unit, away from the scene.
   Spectrum radiance(const Vec3& direction, Mask lanes) const;
   // With which sample(), called with the probabilities that were set, gives the direction.
-  Float pdf_solid_angle(const Vec3& direction, Mask lanes) const;
+  Float pdf_solid_angle(const Vec3& direction, Mask lanes) const {
+    return mixture(picks_, direction, lanes);
+  }
 
   // A direction that `part` is likely to shine from. Value and pdf are of all parts together: parts
   // overlap, so a sample of one stands for all of them (Veach 1997, section 9.2.4, one-sample
@@ -40,20 +42,22 @@ class Environment {
   Emission emit(Int part, Vec2 position, Vec2 direction, Mask lanes) const;
   // Emission::pdf of rays that arrive from `direction` (unit, away from the scene).
   Float pdf_emission(const Vec3& direction, Mask lanes) const {
-    return pdf_solid_angle(direction, lanes) * Float(1.F / scene_.disk_area());
+    return mixture(emission_picks_, direction, lanes) * Float(1.F / scene_.disk_area());
   }
 
   uint64_t bytes() const;
 
  private:
   bool has_constant() const { return weight_of_constant_ > 0; }
+  Vec3 direction_from(Int part, Vec2 u, Mask lanes) const;
+  Float mixture(const std::vector<float>& picks, const Vec3& direction, Mask lanes) const;
 
   BoundingSphere scene_;
   Spectrum constant_ = splat(0.F);
   double weight_of_constant_ = 0;
   std::vector<EnvironmentMap> maps_;
   std::vector<double> powers_;  // by part: the constant first
-  std::vector<float> picks_;
+  std::vector<float> picks_, emission_picks_;
 };
 
 }  // namespace metrofarm::emitter

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/check.h"
-#include "emitter/lookup.h"
-
 namespace metrofarm::emitter {
 namespace {
 
@@ -32,23 +29,32 @@ LightTable::LightTable(const scene::SceneDescription& description,
       areas_(description, primitives, textures),
       deltas_(description.emitters, scene_, textures),
       environment_(description.emitters, scene_, images) {
-  make_distribution();
+  make_distributions();
 }
 
-void LightTable::make_distribution() {
-  std::vector<double> powers = areas_.powers();
-  powers.insert(powers.end(), deltas_.powers().begin(), deltas_.powers().end());
-  powers.insert(powers.end(), environment_.powers().begin(), environment_.powers().end());
+void LightTable::make_distributions() {
+  std::vector<LightSelection::Light> lights;
+  for (int i = 0; i < areas_.count(); ++i) {
+    const double power = areas_.powers()[i];
+    lights.push_back({power, false, power > 0 ? areas_.bounds(i) : LightBounds{}});
+  }
+  for (int i = 0; i < deltas_.count(); ++i) {
+    const bool far = deltas_.infinitely_far(i);
+    lights.push_back({deltas_.powers()[i], far, far ? LightBounds{} : deltas_.bounds(i)});
+  }
+  for (double power : environment_.powers()) lights.push_back({power, true, {}});
   areas_.forget_powers();
   deltas_.forget_powers();
+  std::vector<double> powers;
+  powers.reserve(lights.size());
+  for (const LightSelection::Light& light : lights) powers.push_back(light.power);
   if (std::none_of(powers.begin(), powers.end(), [](double p) { return p > 0; })) return;
-  METROFARM_CHECK(powers.size() < size_t{1} << 23);
-  cdf_.resize(powers.size());
-  pick_.resize(powers.size());
-  quantize_cdf(powers, cdf_, pick_);
-  const int first_part = areas_.count() + deltas_.count();
+  by_power_ = WeightTable(powers);
+  selection_ = LightSelection(lights);
+  const size_t first_part = lights.size() - static_cast<size_t>(environment_.count());
   for (int part = 0; part < environment_.count(); ++part)
-    environment_.set_pick(part, pick_[first_part + part]);
+    environment_.set_picks(part, selection_.probability_infinitely_far(first_part + part),
+                           by_power_.probability(first_part + part));
 }
 
 LightTable::Kinds LightTable::kinds_of(Int light, Mask lanes) const {
@@ -57,20 +63,21 @@ LightTable::Kinds LightTable::kinds_of(Int light, Mask lanes) const {
   return {area, lanes & ~area & ~environment, environment};
 }
 
-LightSample LightTable::sample(const Vec3& reference, Float choice, Vec2 position,
+LightSample LightTable::sample(const Receiver& receiver, Float choice, Vec2 position,
                                Mask lanes) const {
   LightSample result;
   if (empty()) return result;
-  const auto count = static_cast<int32_t>(cdf_.size());
-  const Int light = find_in_cdf(cdf_.data(), Int(0), count, choice, lanes).index;
+  const LightChoice chosen = selection_.choose(choice, receiver, lanes);
+  const Int light = chosen.light;
+  const Vec3& reference = receiver.position;
   const int32_t first_part = areas_.count() + deltas_.count();
   const auto [area, delta, environment] = kinds_of(light, lanes);
   result.light = light;
   if (any(area)) blend(area, areas_.sample(light, reference, position, area), result);
   if (any(delta)) blend(delta, deltas_.sample(delta_index(light), reference, delta), result);
-  const Float pick = gather(pick_.data(), light, lanes);
-  result.value = keep(result.valid, result.value / pick);
-  result.pdf_solid_angle = result.pdf_solid_angle * pick;
+  result.pick = chosen.probability;
+  result.value = keep(result.valid, result.value / chosen.probability);
+  result.pdf_solid_angle = result.pdf_solid_angle * chosen.probability;
   // The environment knows the probabilities of its parts.
   if (any(environment)) {
     blend(environment, environment_.sample(light - Int(first_part), position, environment), result);
@@ -83,18 +90,19 @@ Spectrum LightTable::emitted(const geometry::Surface& surface, const Vec3& direc
   return areas_.emitted(surface, direction, lanes);
 }
 
-Float LightTable::pdf_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+Float LightTable::pdf_of_hit(const Receiver& receiver, const geometry::RayHits& hits,
                              const geometry::Surface& surface, const Vec3& direction,
                              Mask lanes) const {
   const Mask lit = areas_.radiates(surface.shape, lanes);
   if (none(lit)) return Float(0.F);
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
-  return gather(pick_.data(), light, lit) * areas_.pdf(light, reference, surface, direction, lit);
+  return selection_.probability(light, receiver, lit) *
+         areas_.pdf(light, receiver.position, surface, direction, lit);
 }
 
 uint64_t LightTable::bytes() const {
-  return areas_.bytes() + deltas_.bytes() + environment_.bytes() +
-         (cdf_.capacity() + pick_.capacity()) * sizeof(float);
+  return areas_.bytes() + deltas_.bytes() + environment_.bytes() + by_power_.bytes() +
+         selection_.bytes();
 }
 
 }  // namespace metrofarm::emitter

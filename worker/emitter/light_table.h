@@ -1,15 +1,13 @@
-// Every emitter of a scene, chosen in proportion to its power and sampled eight at a time.
+// Every emitter of a scene, chosen for who asks (see LightSelection) and sampled eight at a time.
 //
-// Area lights are picked by primitive, so where they are not textured all their points are chosen
-// with a density proportional to weight_of() what they emit.
+// Each primitive of a shape that radiates is a light of its own.
 #pragma once
-
-#include <vector>
 
 #include "emitter/area_lights.h"
 #include "emitter/delta_lights.h"
 #include "emitter/environment.h"
 #include "emitter/light_sample.h"
+#include "emitter/light_selection.h"
 #include "geometry/primitives.h"
 #include "geometry/surface.h"
 #include "texture/images.h"
@@ -31,15 +29,15 @@ class LightTable {
   LightTable(const scene::SceneDescription& description, const geometry::Primitives& primitives,
              const texture::Images& images, const texture::Textures& textures);
 
-  // A light seen from `reference`. choice picks the light, position a point on it.
-  LightSample sample(const Vec3& reference, Float choice, Vec2 position, Mask lanes) const;
+  // A light seen from the receiver. choice picks the light, position a point on it.
+  LightSample sample(const Receiver& receiver, Float choice, Vec2 position, Mask lanes) const;
 
   // Radiance that the surface emits towards where the ray came from, 0 where it is no light.
   // Requires: surface.point is filled if wants_uv().
   Spectrum emitted(const geometry::Surface& surface, const Vec3& direction, Mask lanes) const;
-  // pdf_solid_angle with which sample() from `reference` chooses the direction to the surface hit;
+  // pdf_solid_angle with which sample() chooses the direction to the surface hit for the receiver;
   // 0 where the shape is no light.
-  Float pdf_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+  Float pdf_of_hit(const Receiver& receiver, const geometry::RayHits& hits,
                    const geometry::Surface& surface, const Vec3& direction, Mask lanes) const;
 
   // Whether emitted() looks up textures.
@@ -57,23 +55,25 @@ class LightTable {
 
   // ---- paths that start at lights ----
 
+  // Every light by its power alone, for choices that know no receiver.
+  const WeightTable& by_power() const { return by_power_; }
   // A ray from a light that is chosen by power: its density includes the choice.
   Emission emit(Float choice, Vec2 position, Vec2 direction, Mask lanes) const;
-  // With which sample() from `reference`, a point that the ray meets, would find its beginning: by
+  // With which sample() from `receiver`, where the ray ends, would find its beginning: by
   // solid angle times the cosine at the light (of point lights: the squared distance; of parallel
   // light: the probability alone).
-  Float direct_density(const Emission& emission, const Vec3& reference, Mask lanes) const;
-  // Emission::pdf of the ray to `reference` over pdf_solid_angle (of delta lights as in
+  Float direct_density(const Emission& emission, const Receiver& receiver, Mask lanes) const;
+  // Emission::pdf of the ray to the receiver over pdf_solid_angle (of delta lights as in
   // direct_density()) and the cosine at the light: both for what sample() has given.
   Float emission_over_direct(const LightSample& sample, Mask lanes) const;
-  HitDensity density_of_hit(const Vec3& reference, const geometry::RayHits& hits,
+  HitDensity density_of_hit(const Receiver& receiver, const geometry::RayHits& hits,
                             const geometry::Surface& surface, const Vec3& direction,
                             Mask lanes) const;
   HitDensity density_of_environment(const Vec3& direction, Mask lanes) const;
   // Of a sphere around the scene.
   float scene_radius() const { return static_cast<float>(scene_.radius); }
 
-  bool empty() const { return cdf_.empty(); }
+  bool empty() const { return by_power_.empty(); }
   uint64_t bytes() const;
 
  private:
@@ -81,7 +81,7 @@ class LightTable {
   struct Kinds {
     Mask area, delta, environment;
   };
-  void make_distribution();
+  void make_distributions();
   Kinds kinds_of(Int light, Mask lanes) const;
   Int delta_index(Int light) const { return light - Int(areas_.count()); }
 
@@ -90,8 +90,8 @@ class LightTable {
   AreaLights areas_;
   DeltaLights deltas_;
   Environment environment_;
-  std::vector<float> cdf_;   // upper end of each light's part of [0, 1)
-  std::vector<float> pick_;  // its length
+  WeightTable by_power_;
+  LightSelection selection_;
 };
 
 }  // namespace metrofarm::emitter

@@ -24,15 +24,18 @@ inline double accumulate_cdf(std::span<const double> weights, float* cdf) {
   return total;
 }
 
-// The same in whole multiples of 2^-24, the step of the numbers that choose: `picks` are then the
-// exact probabilities. Every weight above zero gets at least one step. Requires: fewer than 2^23
-// weights, some above zero.
-inline void quantize_cdf(std::span<const double> weights, std::span<float> cdf,
+// Steps of the numbers that choose.
+inline constexpr double kChoiceSteps = 0x1p24;
+
+// The same in whole steps, of which the first `skipped` are left to others: `picks` are then the
+// exact probabilities. Every weight above zero gets at least one step. Requires: fewer weights than
+// half the steps that there are, some above zero.
+inline void quantize_cdf(std::span<const double> weights, int32_t skipped, std::span<float> cdf,
                          std::span<float> picks) {
-  constexpr double kSteps = 0x1p24;
   double total = 0;
   for (double w : weights) total += w;
-  const double spread = kSteps - static_cast<double>(weights.size());
+  const double all = kChoiceSteps - skipped;
+  const double spread = all - static_cast<double>(weights.size());
   std::vector<double> steps(weights.size());
   double used = 0;
   for (size_t i = 0; i < weights.size(); ++i) {
@@ -40,12 +43,12 @@ inline void quantize_cdf(std::span<const double> weights, std::span<float> cdf,
     used += steps[i];
   }
   // What rounding left over, less than a step per weight.
-  steps[std::max_element(weights.begin(), weights.end()) - weights.begin()] += kSteps - used;
-  double sum = 0;
+  steps[std::max_element(weights.begin(), weights.end()) - weights.begin()] += all - used;
+  double sum = skipped;
   for (size_t i = 0; i < weights.size(); ++i) {
     sum += steps[i];
-    cdf[i] = static_cast<float>(sum / kSteps);
-    picks[i] = static_cast<float>(steps[i] / kSteps);
+    cdf[i] = static_cast<float>(sum / kChoiceSteps);
+    picks[i] = static_cast<float>(steps[i] / kChoiceSteps);
   }
 }
 

@@ -85,7 +85,7 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
       eye.mis.last =
           sqr(raster_area_ / (camera_.raster_per_area(ray, v.hits.t) * cosine * area_unit_));
     } else {
-      eye.mis.arrive(length_squared(v.surface.position - eye.reference) / area_unit_, cosine);
+      eye.mis.arrive(length_squared(v.surface.position - eye.from.position) / area_unit_, cosine);
     }
     add_emission(sample, eye, v, edges);
     if (edges == depth_limit_) return;
@@ -116,8 +116,8 @@ BidirectionalTracer::Scattering BidirectionalTracer::scattering(End end, const I
   const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, lanes, v.wo, wi, forward);
   const bsdf::Evaluation back = scene_.materials().evaluate(v.lobe, lanes, wi, v.wo, backward);
   if (eye) return {e.value, e.pdf_solid_angle, back.pdf_solid_angle};
-  const Float factor =
-      adjoint_factor(v.surface.geometric_normal, v.shading_normal(), v.frame.to_world(v.wo), direction);
+  const Float factor = adjoint_factor(v.surface.geometric_normal, v.shading_normal(),
+                                      v.frame.to_world(v.wo), direction);
   return {keep(not_black(e.value), e.value * factor), e.pdf_solid_angle, back.pdf_solid_angle};
 }
 
@@ -136,14 +136,14 @@ void BidirectionalTracer::scatter(Sample& sample, Subpath& path, const Interacti
   path.active = path.active & s.valid;
   path.direction = normalize(v.frame.to_world(s.wi));
   path.origin = v.origin_towards(path.direction);
-  path.reference = v.surface.position;
+  path.from = v.receiver;
   path.eta2 = path.eta2 * sqr(s.eta);
   Spectrum weight = s.weight;
   const Float cosine = cosine_at(v, path.direction);
   path.active = path.active & (cosine > Float(0.F));
   if (!eye) {
-    weight = weight * adjoint_factor(v.surface.geometric_normal, v.shading_normal(), v.frame.to_world(v.wo),
-                                     path.direction);
+    weight = weight * adjoint_factor(v.surface.geometric_normal, v.shading_normal(),
+                                     v.frame.to_world(v.wo), path.direction);
   }
   const Mask smooth = path.active & ~s.delta;
   Float reverse(0.F);
@@ -198,7 +198,7 @@ void BidirectionalTracer::add_emission(Sample& sample, const Subpath& eye, const
   Float weight(1.F);
   if (edges > 1) {
     const emitter::HitDensity d =
-        lights.density_of_hit(eye.reference, v.hits, v.surface, eye.direction, lit);
+        lights.density_of_hit(eye.from, v.hits, v.surface, eye.direction, lit);
     weight = Float(1.F) / (Float(1.F) + sqr(d.direct * area_unit_) * eye.mis.last +
                            sqr(d.emission * area_unit_) * eye.mis.earlier);
   }
@@ -218,7 +218,7 @@ void BidirectionalTracer::add_light_sample(Sample& sample, const Subpath& eye, c
   const Pair point =
       sample.source.pair(primary_space::eye_slot(edges - 1, Decision::kLightPoint), smooth);
   const emitter::LightSample light =
-      lights.sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
+      lights.sample(v.receiver, choice.first, {point.first, point.second}, smooth);
   const Mask valid = smooth & light.valid;
   if (none(valid)) return;
   const Scattering e = scattering(End::kEye, v, light.direction, valid);

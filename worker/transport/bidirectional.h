@@ -59,7 +59,7 @@ class BidirectionalTracer : public Estimator {
     Vec3 origin, direction;
     Spectrum throughput = splat(1.F);
     PartialMis mis;
-    Vec3 reference;           // the vertex that the ray comes from
+    emitter::Receiver from;   // the vertex that the ray comes from
     Float eta2 = Float(1.F);  // product of squared index ratios, undone in the eye's roulette
   };
   // A vertex of the light subpath that the eye subpath can be joined to.

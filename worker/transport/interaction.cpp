@@ -47,6 +47,7 @@ void show_material(const Scene& scene, const Vec3& direction, Float choice, Mask
   const Float turn = select(v.lobe.turned, Float(-1.F), Float(1.F));
   v.frame.n = v.frame.n * turn;
   v.wo.z = v.wo.z * turn;
+  v.receiver = {v.surface.position, keep(materials.one_sided(v.lobe, lanes), v.frame.n)};
 }
 
 Mask unoccluded(const Scene& scene, const Interaction& v, const Vec3& direction, Float distance,

@@ -37,6 +37,7 @@ struct Interaction {
   Frame frame;  // shading frame, turned where the material is two-sided
   Vec3 wo;      // towards where the ray came from, in the frame
   bsdf::ShownLobe lobe;
+  emitter::Receiver receiver;  // as which it asks for lights
 
   // Whose cosines the material's values hold: the one that a map has bent, where it has.
   Vec3 shading_normal() const {

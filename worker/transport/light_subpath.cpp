@@ -30,13 +30,13 @@ void BidirectionalTracer::trace_light(Sample& sample) {
     const Float cosine = xsimd::abs(dot(v.surface.geometric_normal, light.direction));
     light.active = light.active & (cosine > Float(0.F));
     if (edges == 1) {
-      const Float direct =
-          scene_.lights().direct_density(emission, v.surface.position, light.active);
+      const Float direct = scene_.lights().direct_density(emission, v.receiver, light.active);
       const Float per_density = Float(1.F) / (emission.pdf * cosine * area_unit_);
       light.mis.last = sqr(direct * per_density);
       light.mis.earlier = select(emission.delta, Float(0.F), sqr(emission.cosine * per_density));
     } else {
-      light.mis.arrive(length_squared(v.surface.position - light.reference) / area_unit_, cosine);
+      light.mis.arrive(length_squared(v.surface.position - light.from.position) / area_unit_,
+                       cosine);
     }
     add_vertex(sample, light, v, edges);
     light.active = light.active & sample.technique.light_goes_on(edges);

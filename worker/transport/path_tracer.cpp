@@ -16,7 +16,7 @@ struct PathTracer::State {
   Spectrum radiance = splat(0.F);
   Float pdf_solid_angle = Float(0.F);  // of the last scattered direction
   Mask delta = all_lanes();            // the last event left light sampling no chance
-  Vec3 reference = splat(0.F);         // where light sampling looked from
+  emitter::Receiver receiver;          // for which light sampling looked
   Float eta2 = Float(1.F);             // product of squared index ratios, undone in the roulette
 };
 
@@ -97,7 +97,7 @@ void PathTracer::add_emission(State& path, const Interaction& v, int depth) {
   Float weight(1.F);
   if (any(lit & ~delta)) {
     const Float pdf_light =
-        scene_.lights().pdf_of_hit(path.reference, v.hits, v.surface, path.direction, lit & ~delta);
+        scene_.lights().pdf_of_hit(path.receiver, v.hits, v.surface, path.direction, lit & ~delta);
     weight = weight_of_hit(path.pdf_solid_angle, pdf_light, delta);
   }
   const Spectrum found = path.throughput * emitted * weight;
@@ -113,7 +113,7 @@ void PathTracer::add_light_sample(State& path, const Interaction& v, SampleSourc
   const Pair point = source.pair(eye_slot(depth - 1, Decision::kLightPoint), smooth);
 
   const emitter::LightSample light =
-      scene_.lights().sample(v.surface.position, choice.first, {point.first, point.second}, smooth);
+      scene_.lights().sample(v.receiver, choice.first, {point.first, point.second}, smooth);
   const Vec3 wi = v.frame.to_local(light.direction);
   const bsdf::Evaluation e = scene_.materials().evaluate(v.lobe, smooth & light.valid, v.wo, wi,
                                                          bsdf::Transport::kRadiance);
@@ -143,7 +143,7 @@ void PathTracer::scatter(State& path, const Interaction& v, SampleSource& source
   path.eta2 = path.eta2 * sqr(s.eta);
   path.direction = normalize(v.frame.to_world(s.wi));
   path.origin = v.origin_towards(path.direction);
-  path.reference = v.surface.position;
+  path.receiver = v.receiver;
   path.pdf_solid_angle = s.pdf_solid_angle;
   path.delta = s.delta;
   // A throughput that is no colour ends the path here, where its cause is known.

@@ -12,7 +12,8 @@ namespace {
 
 using scene::SceneDescription;
 
-// A diffuse floor, a glossy sphere, a glass sphere and a light: every kind of code path.
+// A diffuse floor, a glossy sphere, a glass sphere and lights near and far, as many as a tree is
+// built for: every kind of code path.
 SceneDescription probe_scene() {
   SceneDescription d;
   d.bsdfs.push_back({scene::Diffuse{}, "", {}});
@@ -30,6 +31,10 @@ SceneDescription probe_scene() {
   d.shapes.push_back({scene::Sphere{{0.8, 0.7, 0.2}, 0.6}, 2, scene::kNone, false, "", {}});
   d.shapes.push_back({scene::Sphere{{0.3, 3.1, 0.4}, 0.3}, 0, 0, false, "", {}});
   d.emitters.push_back({scene::AreaEmitter{{9, 8, 7}}, {}});
+  d.emitters.push_back({scene::ConstantEmitter{{0.1F, 0.1F, 0.2F}}, {}});
+  d.emitters.push_back({scene::PointEmitter{{-2, 2, -1}, {2, 1, 1}}, {}});
+  const scene::Matrix down = {1, 0, 0, 2, 0, 0, -1, 3, 0, 1, 0, 1, 0, 0, 0, 1};
+  d.emitters.push_back({scene::SpotEmitter{down, {{5, 6, 5}}, 40, 20}, {}});
   d.sensor.to_world = {1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 1, -4, 0, 0, 0, 1};
   d.sensor.fov_x_degrees = 60;
   d.film.filter = scene::ReconstructionFilter::kBox;

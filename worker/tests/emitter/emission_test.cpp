@@ -101,7 +101,7 @@ TEST_P(EmissionTest, DensitiesOfBothDirectionsAgree) {
     const Float t(2.5F);
     const Vec3 reference = e.position + e.direction * t;
     const LightSample s = lights.sample(reference, choice, position);
-    const Float direct = lights.table.direct_density(e, reference, all_lanes());
+    const Float direct = lights.table.direct_density(e, {reference}, all_lanes());
     const Float ratio = lights.table.emission_over_direct(s, all_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
       if (!test::lane_set(e.valid & s.valid, lane)) continue;

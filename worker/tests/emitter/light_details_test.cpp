@@ -19,28 +19,33 @@ using test::SceneBuilder;
 
 constexpr double kPiDouble = std::numbers::pi;
 
-// H0: lights are picked in proportion to their power. 80,000 picks of five lights, rate 1e-6.
-TEST(LightTable, PicksAreProportionalToPower) {
+// H0: without a receiver lights are chosen in proportion to their power. 80,000 choices of five
+// lights (the second is two triangles), rate 1e-6.
+TEST(LightTable, ByPowerIsProportionalToPower) {
   SceneBuilder b;
   const scene::Index grey = b.diffuse(0.5F);
   b.shape(scene::Sphere{{10, 0, 0}, 0.5}, grey, b.area_light(2));
   b.shape(test::quad({-10, -1, -1}, {0, 2, 0}, {0, 0, 2}), grey, b.area_light(3));
   b.shape(test::disk({0, 0, 10}, 1.5, true), grey, b.area_light(0.5F));
   b.emitter(scene::PointEmitter{{0, 10, 0}, {1.5F, 1.5F, 1.5F}});
-  b.emitter(scene::PointEmitter{{0, -10, 0}, {0.25F, 0.25F, 0.25F}});
+  b.emitter(scene::DirectionalEmitter{{0, -1, 0}, {0.25F, 0.25F, 0.25F}});
   const Lights lights(b);
-  const double power[5] = {kPiDouble * 2 * kPiDouble, kPiDouble * 3 * 4,
-                           kPiDouble * 0.5 * 2.25 * kPiDouble, 4 * kPiDouble * 1.5, kPiDouble};
-  std::vector<double> observed(5), expected(5);
-  for (int i = 0; i < 5; ++i)
-    expected[i] = 80000 * power[i] / (power[0] + power[1] + power[2] + power[3] + power[4]);
+  // The scene's box is -10 to 10.5, -1.5 to 1.5 (the disk's), -1 to 10 wide.
+  const double radius2 = (20.5 * 20.5 + 3 * 3 + 11 * 11) / 4;
+  const double power[6] = {kPiDouble * 2 * kPiDouble, kPiDouble * 3 * 2,
+                           kPiDouble * 3 * 2,         kPiDouble * 0.5 * 2.25 * kPiDouble,
+                           4 * kPiDouble * 1.5,       kPiDouble * radius2 * 0.25};
+  double total = 0;
+  for (double p : power) total += p;
+  std::vector<double> observed(6), expected(6);
+  for (int i = 0; i < 6; ++i) expected[i] = 80000 * power[i] / total;
   test::UniformLanes random(1);
   for (int i = 0; i < 10000; ++i) {
-    const LightSample s = lights.sample(splat(0.F), random.next(), random.pair());
+    const LightChoice c = lights.table.by_power().choose(random.next(), all_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
-      const auto d = lane_of(s.direction, lane);
-      const int which = d.x > 0.8 ? 0 : d.x < -0.8 ? 1 : d.z > 0.8 ? 2 : d.y > 0.8 ? 3 : 4;
-      ++observed[which];
+      const uint32_t light = lane_word(as_uint(c.light), lane);
+      ++observed[light];
+      EXPECT_NEAR(lane_value(c.probability, lane), power[light] / total, 1e-5);
     }
   }
   EXPECT_TRUE(test::follows(observed, expected, 1e-6));

@@ -27,6 +27,7 @@ class LightTableTest : public testing::TestWithParam<test::LightCase> {
         tracer_(primitives_, "avx2"),
         lights_(all_.table),
         reference_(test::splat(GetParam().reference)),
+        receiver_{reference_, splat(0.6F, 0, 0.8F)},
         frame_(frame_around(test::splat(GetParam().axis))) {}
 
   // What a ray from the reference point meets: radiance and the density of choosing its direction.
@@ -46,6 +47,7 @@ class LightTableTest : public testing::TestWithParam<test::LightCase> {
   geometry::Tracer tracer_;
   const LightTable& lights_;
   Vec3 reference_;
+  Receiver receiver_;
   Frame frame_;
 };
 
@@ -57,7 +59,7 @@ LightTableTest::Seen LightTableTest::look(const Vec3& direction) const {
   seen.cosine = select(hits.hit, xsimd::abs(dot(surface.geometric_normal, direction)), Float(0.F));
   seen.radiance = lights_.emitted(surface, direction, hits.hit);
   const Mask lit = hits.hit & (max_component(seen.radiance) > Float(0.F));
-  seen.pdf_solid_angle = keep(lit, lights_.pdf_of_hit(reference_, hits, surface, direction, lit));
+  seen.pdf_solid_angle = keep(lit, lights_.pdf_of_hit(receiver_, hits, surface, direction, lit));
   if (lights_.has_environment()) {
     seen.radiance = select(hits.hit, seen.radiance, lights_.environment(direction, all_lanes()));
     seen.pdf_solid_angle =
@@ -128,7 +130,7 @@ TEST_P(LightTableTest, SamplesFollowThePdfOfWhatTheyMeet) {
   Histogram observed(24, 24);
   test::UniformLanes random(41);
   for (int i = 0; i < kSamples; i += kLanes) {
-    const LightSample s = lights_.sample(reference_, random.next(), random.pair(), all_lanes());
+    const LightSample s = lights_.sample(receiver_, random.next(), random.pair(), all_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
       if (!visible(s, lane)) {
         observed.add_outside();
@@ -148,7 +150,7 @@ TEST_P(LightTableTest, TheSampledDirectionMeetsWhatWasSampled) {
   test::UniformLanes random(42);
   int compared = 0, differing = 0;
   for (int i = 0; i < 1000; ++i) {
-    const LightSample s = lights_.sample(reference_, random.next(), random.pair(), all_lanes());
+    const LightSample s = lights_.sample(receiver_, random.next(), random.pair(), all_lanes());
     const Seen seen = look(s.direction);
     for (int lane = 0; lane < kLanes; ++lane) {
       if (!visible(s, lane) || lane_value(seen.cosine, lane) < GetParam().least_cosine) continue;
@@ -170,7 +172,7 @@ TEST_P(LightTableTest, TheSampledDirectionMeetsWhatWasSampled) {
 TEST_P(LightTableTest, DirectionsAreUnitVectors) {
   test::UniformLanes random(43);
   for (int i = 0; i < 200; ++i) {
-    const LightSample s = lights_.sample(reference_, random.next(), random.pair(), all_lanes());
+    const LightSample s = lights_.sample(receiver_, random.next(), random.pair(), all_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
       if (test::lane_set(s.valid, lane)) {
         EXPECT_NEAR(length(test::lane_of(s.direction, lane)), 1, 1e-6);

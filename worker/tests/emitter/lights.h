@@ -22,8 +22,9 @@ struct Lights {
   Lights(const Lights&) = delete;
   Lights& operator=(const Lights&) = delete;
 
+  // For a receiver that light reaches from both sides.
   emitter::LightSample sample(const Vec3& reference, Float choice, Vec2 u) const {
-    return table.sample(reference, choice, u, all_lanes());
+    return table.sample({reference}, choice, u, all_lanes());
   }
 
   scene::SceneDescription scene;
