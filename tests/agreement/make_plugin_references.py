@@ -18,7 +18,12 @@ from pathlib import Path
 import mitsuba
 import numpy as np
 
-import plugin_references as references
+mitsuba.set_variant("llvm_ad_rgb")
+
+import mitsuba_difftrans  # noqa: E402, F401
+import mitsuba_phong  # noqa: E402, F401
+
+import plugin_references as references  # noqa: E402
 
 
 def load_scene(name: str) -> "mitsuba.Scene":
@@ -54,7 +59,6 @@ def main() -> None:
     known = references.scene_names()
     if unknown := set(wanted) - set(known):
         parser.error(f"no such scene: {', '.join(sorted(unknown))}")
-    mitsuba.set_variant("llvm_ad_rgb")
     done = {}
     if wanted and references.FILE.exists():
         done = {name: one for name, one in references.load().items() if name in known}

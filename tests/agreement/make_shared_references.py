@@ -8,8 +8,10 @@ sample_border see make_references.py.
 """
 
 import argparse
+import tempfile
 import time
 import zlib
+from pathlib import Path
 
 import mitsuba
 import numpy as np
@@ -19,6 +21,7 @@ mitsuba.set_variant("llvm_ad_rgb")
 import mitsuba_phong  # noqa: E402, F401
 
 import shared_references as references  # noqa: E402
+from loop_mesh import write_ply  # noqa: E402
 from plugin_references import Reference  # noqa: E402
 from shared_cases import CASES, VARIABLE, SharedCase, shared_folder  # noqa: E402
 
@@ -26,8 +29,11 @@ from shared_cases import CASES, VARIABLE, SharedCase, shared_folder  # noqa: E40
 PASS_SAMPLES = 1 << 20
 
 
-def load_scene(case: SharedCase) -> "mitsuba.Scene":
-    """The scene, or its twin, in the test's size and with sample_border."""
+def load_scene(case: SharedCase, meshes: Path) -> "mitsuba.Scene":
+    """The scene, or its twin, in the test's size and with sample_border.
+
+    `meshes`: what twins need and no file of the shared scenes has.
+    """
     config = mitsuba.parser.ParserConfig(mitsuba.variant())
     config.unused_parameters = mitsuba.LogLevel.Debug
     shared = shared_folder()
@@ -37,7 +43,8 @@ def load_scene(case: SharedCase) -> "mitsuba.Scene":
     resolver = mitsuba.file_resolver()
     for folder in (shared / "scenes" / "mitsuba-tests" / "common", file.parent):
         resolver.prepend(str(folder))
-    state = mitsuba.parser.parse_file(config, str(file), shared=str(shared / "scenes"))
+    parameters = {"shared": str(shared / "scenes"), "meshes": str(meshes)}
+    state = mitsuba.parser.parse_file(config, str(file), **parameters)
     mitsuba.parser.transform_all(config, state)
     films = [node for node in state.nodes if node.type == mitsuba.ObjectType.Film]
     if len(films) != 1:
@@ -59,8 +66,15 @@ def render_run(scene: "mitsuba.Scene", case: SharedCase, seed: int) -> np.ndarra
     return total / passes
 
 
+def write_meshes(folder: Path) -> None:
+    cage = shared_folder() / "scenes/killeroo-moving/geometry/killeroo.pbrt"
+    write_ply(cage, 1, folder / "killeroo.ply")
+
+
 def render(case: SharedCase) -> Reference:
-    scene = load_scene(case)
+    with tempfile.TemporaryDirectory() as folder:
+        write_meshes(Path(folder))
+        scene = load_scene(case, Path(folder))
     # Seeds of its own: with common ones all scenes would share the noise of what they share.
     first = zlib.crc32(case.name.encode())
     runs = [render_run(scene, case, first + 1000 * run) for run in range(references.RUNS)]

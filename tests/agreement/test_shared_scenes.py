@@ -64,7 +64,9 @@ def scene_files(case: SharedCase, file: str) -> dict[str, bytes]:
     scenes = (folder / "scenes").resolve()
     command = [str(WORKER), "files", str(scenes / file), *(["--lenient"] * case.lenient)]
     listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
-    paths = {Path(line) for line in listed if line} | {scenes / file}
+    # Folders end in a slash.
+    names = [line for line in listed if line and not line.endswith("/")]
+    paths = {Path(line) for line in names} | {scenes / file}
     files = {str(path.resolve().relative_to(scenes)): path.read_bytes() for path in paths}
     if case.replaced:
         old, new = (text.encode() for text in case.replaced)

@@ -131,3 +131,24 @@ def test_target_error_and_time_stop(tmp_path: Path) -> None:
     assert stats["rel_mse_estimate"]["value"] < 0.02
     stats = render(tmp_path, "--integrator", "pssmlt", "--time", "2")
     assert stats["rounds"] >= 1
+
+
+def test_scenes_may_look_for_files_in_folders_elsewhere(tmp_path: Path) -> None:
+    """One folder above the scene gives nothing, the other a mesh: both are within the bundle."""
+    (tmp_path / "common" / "empty").mkdir(parents=True)
+    (tmp_path / "common" / "meshes").mkdir()
+    triangle = "v -1 -1 4\nv 1 -1 4\nv 0 1 4\nf 1 2 3\n"
+    (tmp_path / "common" / "meshes" / "triangle.obj").write_text(triangle)
+    scene = tmp_path / "scenes" / "one" / "scene.xml"
+    scene.parent.mkdir(parents=True)
+    scene.write_text("""<scene version="3.0.0">
+<path value="../../common/empty"/>
+<path value="../../common/meshes"/>
+<sensor type="perspective"/>
+<emitter type="constant"/>
+<shape type="obj"><string name="filename" value="triangle.obj"/></shape>
+</scene>
+""")
+    assert run("inspect", scene).returncode == 0
+    done = run("render", scene, "-o", tmp_path / "out.exr", *SMALL, *BUDGETS["path"], "--spp", "1")
+    assert done.returncode == 0, done.stderr

@@ -183,7 +183,7 @@ def pbrt_rows() -> list[PbrtRow]:
     return [PbrtRow(d, t, example.strip("`"), support) for d, t, example, support in rows]
 
 
-OPTIONS = ("Camera", "Film", "PixelFilter", "Sampler", "Integrator")
+OPTIONS = ("Camera", "Film", "PixelFilter", "Sampler", "Integrator", "TransformTimes")
 
 
 def pbrt_scene(row: PbrtRow) -> str:

@@ -45,7 +45,7 @@ Result<Options> read_options(const std::vector<std::string>& words) {
       words, {"integrator", "per-pixel", "width", "height", "threads", "seed", "set"}, {"lenient"});
   if (!parsed) return parsed.error();
   const Arguments& a = parsed.value();
-  if (a.positional.size() != 1) return Error{"usage: metrofarm-worker bench SCENE.xml [options]"};
+  if (a.positional.size() != 1) return Error{"usage: metrofarm-worker bench SCENE [options]"};
   Options o;
   o.scene = a.positional[0];
   const std::string integrator = a.get("integrator", "path");

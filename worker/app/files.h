@@ -1,4 +1,5 @@
-// `metrofarm-worker files SCENE.xml`: the files that a scene is made of, one per line.
+// `metrofarm-worker files SCENE`: the files that a scene is made of, one per line, and with a slash
+// at the end the folders in which it has them looked for.
 #pragma once
 
 #include <string>

@@ -13,9 +13,9 @@ namespace {
 constexpr char kUsage[] =
     "usage: metrofarm-worker --coordinator HOST:PORT [--threads N] [--isa avx2] [--name NAME]\n"
     "                        [--cache DIR]\n"
-    "       metrofarm-worker files SCENE.xml [--set NAME=VALUE]... [--lenient]\n"
-    "       metrofarm-worker inspect SCENE.xml [--set NAME=VALUE]... [--lenient]\n"
-    "       metrofarm-worker bench SCENE.xml [--integrator path|pssmlt] [--per-pixel N]\n"
+    "       metrofarm-worker files SCENE [--set NAME=VALUE]... [--lenient]\n"
+    "       metrofarm-worker inspect SCENE [--set NAME=VALUE]... [--lenient]\n"
+    "       metrofarm-worker bench SCENE [--integrator path|pssmlt] [--per-pixel N]\n"
     "                        [--width N] [--height N] [--threads N] [--seed N]\n"
     "                        [--set NAME=VALUE]... [--lenient]\n";
 

@@ -1,7 +1,5 @@
 #include "bsdf/lobes_phong.h"
 
-#include <algorithm>
-
 namespace metrofarm::bsdf {
 namespace {
 
@@ -14,16 +12,9 @@ Float specular_probability(const Parameters& p) {
 }  // namespace
 
 Row PhongLobe::row(const scene::Phong& d) {
-  scene::Colour diffuse = d.diffuse_reflectance, specular = d.specular_reflectance;
-  float brightest = 0;
-  for (int k = 0; k < 3; ++k) brightest = std::max(brightest, diffuse.value[k] + specular.value[k]);
-  if (brightest > 1) {
-    for (float& v : diffuse.value) v *= 0.99F / brightest;
-    for (float& v : specular.value) v *= 0.99F / brightest;
-  }
   Row row;
-  row.put(kDiffuse, diffuse);
-  row.put(kSpecular, specular);
+  row.put(kDiffuse, d.diffuse_reflectance);
+  row.put(kSpecular, d.specular_reflectance);
   row.put(kExponent, d.exponent);
   return row;
 }

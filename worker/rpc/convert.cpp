@@ -90,8 +90,9 @@ Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescrip
 
 namespace {
 
-// A scene may have any number of lights; a report that people read has not.
+// A scene may have any number of lights and of faults; a report that people read has not.
 constexpr int kLightsListed = 1000;
+constexpr size_t kWarningsListed = 100;
 
 std::string place_of(const SourceLocation& where) {
   if (where.file.empty()) return "";
@@ -112,6 +113,13 @@ void list_lights(const metrofarm::scene::SceneDescription& d, SceneReport& repor
   for (const auto& emitter : d.emitters)
     if (!std::holds_alternative<metrofarm::scene::AreaEmitter>(emitter.model))
       add(emitter, emitter.where);
+}
+
+void list_warnings(const std::vector<Error>& warnings, SceneReport& report) {
+  const size_t listed = std::min(warnings.size(), kWarningsListed);
+  for (size_t i = 0; i < listed; ++i) report.add_warnings(warnings[i].to_string());
+  if (warnings.size() == listed) return;
+  report.add_warnings("and " + std::to_string(warnings.size() - listed) + " more warnings");
 }
 
 void count_elements(const metrofarm::scene::SceneDescription& d, SceneReport& report) {
@@ -153,7 +161,7 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   fill_memory(scene, report);
   report.set_load_seconds(times.load_seconds);
   report.set_build_seconds(times.build_seconds);
-  for (const Error& warning : d.warnings) report.add_warnings(warning.to_string());
+  list_warnings(d.warnings, report);
   return report;
 }
 

@@ -141,7 +141,7 @@ struct Shape {
   std::string id = {};         // as the file names it, for messages; may be empty
   SourceLocation where = {};
   Index group = kNone;  // the shape is part of this group and seen through its instances only
-  std::vector<Keyframe> keys = {};  // of an animated shape; geometry stands at the first
+  std::vector<Keyframe> keys = {};  // of an animated shape; geometry stands as at shutter_open
 };
 
 // One placement of a group (groups are numbered from 0 by their shapes).
@@ -149,7 +149,7 @@ struct Instance {
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   Index group = kNone;
   SourceLocation where = {};
-  std::vector<Keyframe> keys = {};  // of an animated instance; to_world is the first
+  std::vector<Keyframe> keys = {};  // of an animated instance; to_world is that at shutter_open
 };
 
 // ---- materials ----
@@ -218,7 +218,7 @@ struct RoughPlastic {
   bool nonlinear = false;
 };
 
-// Modified Phong reflection (Lafortune and Willems 1994), as in Mitsuba 0.6.
+// Modified Phong reflection (Lafortune and Willems 1994). Both reflectances: at most 1 together.
 struct Phong {
   Scalar exponent = {30};
   Colour diffuse_reflectance = {{0.5F, 0.5F, 0.5F}};
@@ -387,7 +387,7 @@ struct Sensor {
   double aperture_radius = 0;           // thin lens, scene units
   double focus_distance = 1;            // thin lens, along +z
   SourceLocation where = {};
-  std::vector<Keyframe> keys = {};  // of a moving sensor; to_world is the first
+  std::vector<Keyframe> keys = {};  // of a moving sensor; to_world is that at shutter_open
   double shutter_open = 0;          // times of the keys
   double shutter_close = 0;
 };

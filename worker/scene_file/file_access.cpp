@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <optional>
 
 namespace metrofarm::scene_file {
 namespace {
@@ -29,7 +30,9 @@ fs::path directory_of(const fs::path& file) {
 }  // namespace
 
 FileAccess::FileAccess(const fs::path& main_file, const LoadOptions& options)
-    : directories_{directory_of(main_file)}, file_read_(options.file_read) {
+    : directories_{directory_of(main_file)},
+      file_read_(options.file_read),
+      folder_added_(options.folder_added) {
   if (options.root.empty()) return;
   std::error_code error;
   root_ = fs::canonical(options.root, error);
@@ -40,7 +43,9 @@ FileAccess::FileAccess(const fs::path& main_file, const LoadOptions& options)
 Result<fs::path> FileAccess::check_inside_root(const fs::path& path) const {
   if (root_.empty()) return path;
   std::error_code error;
-  const fs::path resolved = fs::weakly_canonical(path, error);
+  // Twice: what follows a folder that is not there is resolved by its letters alone at first.
+  fs::path resolved = fs::weakly_canonical(path, error);
+  if (!error) resolved = fs::weakly_canonical(resolved, error);
   if (error || !is_inside(resolved, root_)) {
     return Error{quoted(path) + " lies outside the scene's directory " + quoted(root_) +
                  "; files must be inside it"};
@@ -54,9 +59,11 @@ Result<fs::path> FileAccess::add_search_directory(std::string_view name) {
   Result<fs::path> inside = check_inside_root(directory);
   if (!inside) return inside;
   std::error_code error;
-  if (!fs::is_directory(directory, error)) {
+  const bool may_be_missing = !root_.empty() && !fs::exists(inside.value(), error);
+  if (!may_be_missing && !fs::is_directory(inside.value(), error)) {
     return Error{quoted(directory) + " is not a directory"};
   }
+  if (folder_added_) folder_added_(directory);
   directories_.insert(directories_.begin(), directory);
   return directory;
 }
@@ -67,16 +74,23 @@ Result<fs::path> FileAccess::find(std::string_view name) const {
   std::string with_slashes(name);
   std::replace(with_slashes.begin(), with_slashes.end(), '\\', '/');
   std::string searched;
+  std::optional<Error> outside;
   for (const fs::path& directory : directories_) {
     for (const fs::path& variant : {fs::path(name), fs::path(with_slashes)}) {
       const fs::path candidate = directory / variant;
       Result<fs::path> inside = check_inside_root(candidate);
-      if (!inside) return inside;
+      if (!inside) {
+        outside = inside.error();
+        continue;
+      }
       std::error_code error;
-      if (fs::is_regular_file(candidate, error)) return candidate;
+      if (fs::is_regular_file(inside.value(), error)) {
+        return root_.empty() ? candidate : inside.value();
+      }
     }
     searched += (searched.empty() ? "" : ", ") + quoted(directory);
   }
+  if (outside) return *outside;
   return Error{"file " + quoted(fs::path(name)) + " not found; looked in " + searched};
 }
 

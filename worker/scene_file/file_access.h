@@ -18,7 +18,7 @@ using FileBytes = std::shared_ptr<const std::string>;
 class FileAccess {
  public:
   // main_file: the scene; names are looked up beside it unless a search directory has them first.
-  // options: only its root and file_read are looked at.
+  // options: only its root, file_read and folder_added are looked at.
   FileAccess(const std::filesystem::path& main_file, const LoadOptions& options);
 
   // Adds a directory (relative ones are beside the main file) that is searched before those already
@@ -41,7 +41,7 @@ class FileAccess {
 
   std::vector<std::filesystem::path> directories_;  // searched from the front
   std::filesystem::path root_;                      // canonical, or empty
-  std::function<void(const std::filesystem::path&)> file_read_;
+  std::function<void(const std::filesystem::path&)> file_read_, folder_added_;
 };
 
 }  // namespace metrofarm::scene_file

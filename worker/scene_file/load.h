@@ -25,8 +25,12 @@ struct LoadOptions {
   // Called with every file that is read, in order; a file may come more than once.
   std::function<void(const std::filesystem::path& file)> file_read = {};
 
-  // If not empty, every file that is read (the scene file too) must lie inside this directory after
-  // symbolic links are resolved.
+  // Called with every folder that the scene adds to those in which its files are looked for.
+  std::function<void(const std::filesystem::path& folder)> folder_added = {};
+
+  // If not empty, every file that is read (the scene file too) and every folder that is looked in
+  // must lie inside this directory after symbolic links are resolved. Such a folder need not exist:
+  // a bundle has no empty ones.
   std::filesystem::path root = {};
 };
 

@@ -269,6 +269,17 @@ func TestLocalFilesAndTheirTarAreOneBundle(t *testing.T) {
 	}
 }
 
+func TestFoldersWidenTheRootAndAreNotTaken(t *testing.T) {
+	scene := filepath.Join("/", "s", "tests", "spot", "scene.xml")
+	image := filepath.Join("/", "s", "tests", "spot", "textures", "a.png")
+	common := filepath.Join("/", "s", "common") + string(filepath.Separator)
+	local, err := bundle.NewLocal(scene, []string{common, scene, image})
+	want := []string{"tests/spot/scene.xml", "tests/spot/textures/a.png"}
+	if err != nil || local.Root != filepath.Join("/", "s") || local.Entry != want[0] || !slices.Equal(local.Paths, want) {
+		t.Errorf("local %+v, error %v", local, err)
+	}
+}
+
 func TestNewLocalWantsAbsolutePaths(t *testing.T) {
 	if _, err := bundle.NewLocal("scene.xml", nil); err == nil {
 		t.Error("a relative path was accepted")

@@ -13,7 +13,7 @@ import (
 
 // Local is a set of files on this machine that make up one scene.
 type Local struct {
-	// Root is the deepest folder that holds all files.
+	// Root is the deepest folder that holds all files and all folders that the scene names.
 	Root string
 	// Entry is the scene file's path below Root, with '/'.
 	Entry string
@@ -21,7 +21,9 @@ type Local struct {
 	Paths []string
 }
 
-// NewLocal finds the root of a scene file and the files it names. All paths must be absolute.
+// NewLocal finds the root of a scene file and of what it names: files, and folders (with a separator
+// at the end) in which it has files looked for, of which nothing else is taken. All paths must be
+// absolute.
 func NewLocal(scene string, files []string) (Local, error) {
 	all := append([]string{scene}, files...)
 	root := filepath.Dir(filepath.Clean(scene))
@@ -36,6 +38,9 @@ func NewLocal(scene string, files []string) (Local, error) {
 	local := Local{Root: root}
 	seen := make(map[string]bool)
 	for i, file := range all {
+		if os.IsPathSeparator(file[len(file)-1]) {
+			continue
+		}
 		relative, err := filepath.Rel(root, file)
 		if err != nil {
 			return Local{}, fmt.Errorf("%s: %w", file, err)

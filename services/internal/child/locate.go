@@ -52,7 +52,8 @@ type SceneError struct{ Message string }
 
 func (e *SceneError) Error() string { return e.Message }
 
-// Files lists all files that a scene consists of, the scene file included, as absolute paths.
+// Files lists all files that a scene consists of, the scene file included, and with a slash at the
+// end the folders in which it has files looked for; all as absolute paths.
 // sets are NAME=VALUE overrides of the scene's <default> values.
 func Files(ctx context.Context, program, scene string, sets []string, lenient bool) ([]string, error) {
 	output, err := look(ctx, program, "files", scene, sets, lenient)

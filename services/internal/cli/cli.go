@@ -86,10 +86,10 @@ type command struct {
 
 func commands() map[string]command {
 	return map[string]command{
-		"render":  {"SCENE.xml -o OUT.exr [flags]", "render a scene on this machine", render},
-		"inspect": {"SCENE.xml [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
+		"render":  {"SCENE -o OUT.exr [flags]", "render a scene on this machine", render},
+		"inspect": {"SCENE [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
 		"serve":   {"[flags]", "run a coordinator with REST interface and dashboard", serve},
-		"submit":  {"SCENE.xml|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
+		"submit":  {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
 		"jobs":    {"[flags]", "list jobs", listJobs},
 		"job":     {"ID [flags]", "show one job", showJob},
 		"cancel":  {"ID... [flags]", "end jobs; their images so far stay", act("cancel")},

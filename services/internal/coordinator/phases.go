@@ -19,13 +19,35 @@ import (
 	"metrofarm/services/internal/tally"
 )
 
-// maxFilterRadius keeps the border, and with it the number of cells, within reason.
-const maxFilterRadius = 64
+// maxFilterRadius is the bound of SceneReport.filter_radius. It keeps the border, and with it the
+// number of cells, within reason.
+const maxFilterRadius = 19.5
+
+const (
+	// maxWarnings is the bound of SceneReport.warnings.
+	maxWarnings = 101
+	// maxWarningBytes of each.
+	maxWarningBytes = 4096
+)
+
+// problemWith says what a well-made worker would not report.
+func problemWith(report *scenev1.SceneReport) string {
+	if radius := report.GetFilterRadius(); !(radius >= 0 && radius < maxFilterRadius) {
+		return fmt.Sprintf("filter radius %v is not in [0, %v)", radius, maxFilterRadius)
+	}
+	if n := len(report.GetWarnings()); n > maxWarnings {
+		return fmt.Sprintf("%d warnings are more than %d", n, maxWarnings)
+	}
+	return ""
+}
 
 // inspected takes a scene report, plans the job and starts the next phase. Requires: mu.
 func (r *run) inspected(task string, report *scenev1.SceneReport) error {
-	if radius := report.GetFilterRadius(); !(radius >= 0 && radius <= maxFilterRadius) {
-		return &malformedError{fmt.Sprintf("filter radius %v is outside 0..%d", radius, maxFilterRadius)}
+	if problem := problemWith(report); problem != "" {
+		return &malformedError{problem}
+	}
+	for i, text := range report.GetWarnings() {
+		report.Warnings[i] = clip(text, maxWarningBytes)
 	}
 	spec, warnings, err := plan.Resolve(r.rec.Request, report)
 	if err != nil {
@@ -47,7 +69,10 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 	if math.IsNaN(r.extra.LoadSeconds) || math.IsInf(r.extra.LoadSeconds, 0) {
 		r.extra.LoadSeconds = 0
 	}
-	for _, text := range append(report.GetWarnings(), warnings...) {
+	for _, text := range report.GetWarnings() {
+		r.publish("warning", text, nil)
+	}
+	for _, text := range warnings {
 		r.warn(text)
 	}
 	if r.rec.Request.InspectOnly {

@@ -3,6 +3,7 @@ package coordinator
 import (
 	"fmt"
 	"math"
+	"slices"
 
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
@@ -25,7 +26,7 @@ func (r *run) snapshot() job.Snapshot {
 		CreatedAt: r.rec.CreatedAt, StartedAt: r.rec.StartedAt, EndedAt: r.rec.EndedAt,
 		StopReason: r.rec.StopReason, Seed: r.rec.Request.Seed, Activity: r.activity,
 		WallSeconds: r.wallSeconds(), LoadSeconds: r.extra.LoadSeconds,
-		Anomalies: map[string]uint64{}, Warnings: append([]string(nil), r.rec.Warnings...),
+		Anomalies: map[string]uint64{}, Warnings: slices.Concat(r.report.GetWarnings(), r.rec.Warnings),
 	}
 	r.describeSpec(&s)
 	r.describeWork(&s)

@@ -13,6 +13,7 @@ from pathlib import Path
 from assets import write_assets
 from variants_geometry import FORMATS, SENSORS, SHAPES
 from variants_light import EMITTERS, FILTERS, SPECTRA
+from variants_older import OLDER
 from variants_surface import BSDFS, TEXTURES
 from xml_parts import Variant
 
@@ -27,6 +28,7 @@ VARIANTS: list[Variant] = [
     *FILTERS,
     *SPECTRA,
     *FORMATS,
+    *OLDER,
 ]
 
 

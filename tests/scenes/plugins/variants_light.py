@@ -23,6 +23,7 @@ FROM_THE_SIDE = to_world('<lookat origin="2, 3, 2.5" target="0, -0.5, 0" up="0, 
 
 
 Z_UP = to_world('<rotate x="1" angle="-90"/>')
+LOW_SUN = '<vector name="sun_direction" x="-0.6" y="0.25" z="0.5"/>'
 SUN_DIRECTION = '<vector name="sun_direction" x="0.4" y="0.7" z="0.5"/>'
 
 
@@ -196,6 +197,24 @@ EMITTERS = [
         emitter("sunsky", SUN_DIRECTION, Z_UP, number("sun_scale", 0), number("turbidity", 4)),
     ),
     lit("sunsky", "sunsky: sun and sky", emitter("sunsky", SUN_DIRECTION, Z_UP)),
+    lit(
+        "sun",
+        "sunsky: the sun alone",
+        emitter("sunsky", SUN_DIRECTION, Z_UP, number("sky_scale", 0)),
+    ),
+    lit(
+        "sun-wide",
+        "sunsky: a low and wide sun, a weak one in a bright sky",
+        emitter(
+            "sunsky",
+            LOW_SUN,
+            Z_UP,
+            number("sun_aperture", 10),
+            number("sun_scale", 0.5),
+            number("sky_scale", 2),
+            rgb("albedo", "0.2, 0.4, 0.6"),
+        ),
+    ),
     lit(
         "several",
         "several kinds at once, so light selection",

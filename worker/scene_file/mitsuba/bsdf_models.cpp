@@ -1,5 +1,8 @@
 #include "scene_file/mitsuba/bsdf_models.h"
 
+#include <algorithm>
+
+#include "scene_file/mitsuba/maximum.h"
 #include "scene_file/mitsuba/surface_parameters.h"
 
 namespace metrofarm::scene_file::mitsuba {
@@ -111,6 +114,16 @@ BsdfModel load_phong(Properties& properties, Context& context) {
   model.exponent = read_textured_number(properties, "exponent", 30, {0, 1e6}, context);
   model.diffuse_reflectance = read_reflectance(properties, "diffuse_reflectance", 0.5F, context);
   model.specular_reflectance = read_reflectance(properties, "specular_reflectance", 0.2F, context);
+  // As Mitsuba 0.6 where both together would reflect more than falls in.
+  const scene::Rgb diffuse = maximum_of(model.diffuse_reflectance, context.scene);
+  const scene::Rgb specular = maximum_of(model.specular_reflectance, context.scene);
+  float brightest = 0;
+  for (int i = 0; i < 3; ++i) brightest = std::max(brightest, diffuse[i] + specular[i]);
+  if (brightest <= 1) return model;
+  for (int i = 0; i < 3; ++i) {
+    model.diffuse_reflectance.value[i] *= 0.99F / brightest;
+    model.specular_reflectance.value[i] *= 0.99F / brightest;
+  }
   return model;
 }
 

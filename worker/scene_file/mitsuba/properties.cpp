@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "scene_file/mitsuba/transforms.h"
+#include "scene_file/motion.h"
 #include "scene_file/names.h"
 #include "scene_file/numbers.h"
 
@@ -50,8 +51,9 @@ Point read_components(const Element& element, double missing, Problems& problems
   return {(*numbers)[0], (*numbers)[numbers->size() / 2], numbers->back()};
 }
 
-Properties::Properties(const Element& element, const Document& document, Problems& problems)
-    : element_(element), problems_(problems) {
+Properties::Properties(const Element& element, const Document& document, const double& time,
+                       Problems& problems)
+    : element_(element), time_(time), problems_(problems) {
   for (const Element& child : element.children) {
     const Element* target = child.tag == "ref" ? resolve(child, document) : &child;
     if (!target) continue;
@@ -180,7 +182,9 @@ Matrix Properties::transform(std::string_view name) {
   if (!child) return kIdentity;
   if (child->tag == "transform") return read_transform(*child, problems_);
   const std::vector<scene::Keyframe> keys = read_animation(*child, problems_);
-  return keys.empty() ? kIdentity : keys[0].to_world;
+  const std::optional<Matrix> pose = keys.empty() ? kIdentity : pose_at(keys, time_);
+  if (!pose) problems_.fail("the transforms of an <animation> must not flatten it", child->where);
+  return pose.value_or(kIdentity);
 }
 
 std::vector<scene::Keyframe> Properties::keyframes(std::string_view name) {

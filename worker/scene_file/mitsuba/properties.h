@@ -15,8 +15,10 @@ namespace metrofarm::scene_file::mitsuba {
 
 class Properties {
  public:
-  // Resolves the element's <ref> children.
-  Properties(const Element& element, const Document& document, Problems& problems);
+  // Resolves the element's <ref> children. time: when animations are looked at; looked up when it
+  // is needed.
+  Properties(const Element& element, const Document& document, const double& time,
+             Problems& problems);
 
   const Element& element() const { return element_; }
   Problems& problems() { return problems_; }
@@ -28,7 +30,7 @@ class Properties {
   bool boolean(std::string_view name, bool fallback);
   std::string text(std::string_view name, std::string_view fallback);
   Point point(std::string_view name, const Point& fallback);
-  Matrix transform(std::string_view name);  // identity if absent; the first key of an animation
+  Matrix transform(std::string_view name);  // identity if absent; of an animation the pose at time
   // The keys of an <animation>; empty if the parameter is absent or a <transform>.
   std::vector<scene::Keyframe> keyframes(std::string_view name);
 
@@ -65,6 +67,7 @@ class Properties {
   void report_unasked(const Slot& slot);
 
   const Element& element_;
+  const double& time_;
   Problems& problems_;
   std::vector<Slot> slots_;
   std::vector<std::string> known_;

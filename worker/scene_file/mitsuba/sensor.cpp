@@ -145,11 +145,11 @@ void load_sensor(const Element& element, Context& context) {
   if (const Element* film = properties.object("film")) load_film(*film, context);
   if (const Element* sampler = properties.object("sampler")) load_sampler(*sampler, context);
   (plugin ? plugin->load : load_perspective)(properties, sensor, context.scene.film);
+  read_shutter(properties, sensor);
   sensor.to_world = properties.transform("to_world");
   sensor.keys = properties.keyframes("to_world");
   check_transform(properties, sensor);
   read_clip_planes(properties, sensor);
-  read_shutter(properties, sensor);
   sensor.principal_point_offset_x = properties.number("principal_point_offset_x", 0);
   sensor.principal_point_offset_y = properties.number("principal_point_offset_y", 0);
   properties.finish();

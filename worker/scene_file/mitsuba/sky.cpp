@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -108,32 +109,40 @@ SkySettings read_settings(Properties& properties, Context& context) {
   return sky;
 }
 
-// Directions in the model's space of points of the image, and back: the inverse of each other.
-Point direction_at(double column, double row) {
-  const double theta = row / kHeight * kPi;
-  const double phi = column / kWidth * 2 * kPi;
+// Between the rows of an environment image, whose first and last are the poles.
+constexpr double kRowAngle = kPi / (kHeight - 1);
+
+// Direction in the model's space of a pixel's centre.
+Point direction_at(int column, double row) {
+  const double theta = row * kRowAngle;
+  const double phi = (column + 0.5) / kWidth * 2 * kPi;
   const double across = std::sin(theta);
   return {across * std::sin(phi), across * std::cos(phi), std::cos(theta)};
 }
 
+// The pixel nearest to a direction.
 std::pair<int, int> pixel_of(const Point& direction) {
   double turn = std::atan2(direction[0], direction[1]) / (2 * kPi);
   if (turn < 0) turn += 1;
   const double theta = std::acos(std::clamp(direction[2], -1.0, 1.0));
   return {std::min(static_cast<int>(turn * kWidth), kWidth - 1),
-          std::min(static_cast<int>(theta / kPi * kHeight), kHeight - 1)};
+          std::min(static_cast<int>(std::lround(theta / kRowAngle)), kHeight - 1)};
 }
 
+// Integral over the sphere of the part that a pixel has in the image: the radiance falls linearly
+// to the neighbours in angle, so this is that of a pyramid, times the sine of the polar angle.
 double pixel_solid_angle(int row) {
-  return (std::cos(row * kPi / kHeight) - std::cos((row + 1) * kPi / kHeight)) * 2 * kPi / kWidth;
+  const double across = 2 * kPi / kWidth;
+  if (row == 0 || row == kHeight - 1) return (1 - std::sin(kRowAngle) / kRowAngle) * across;
+  return std::sin(row * kRowAngle) * 2 * (1 - std::cos(kRowAngle)) / kRowAngle * across;
 }
 
 void add_sky(const SkyModel& model, const SkySettings& sky, std::vector<float>& pixels) {
   for (int row = 0; row < kHeight; ++row) {
-    const double stretched = (row + 0.5) / sky.stretch;
-    if (stretched > kHeight / 2.0) return;
+    const double stretched = row / sky.stretch;
+    if (stretched * kRowAngle > kPi / 2) return;
     for (int column = 0; column < kWidth; ++column) {
-      const auto radiance = model.sky_radiance(direction_at(column + 0.5, stretched));
+      const auto radiance = model.sky_radiance(direction_at(column, stretched));
       for (int c = 0; c < 3; ++c) {
         pixels[3 * (size_t{1} * row * kWidth + column) + c] +=
             static_cast<float>(sky.sky_scale * radiance[c]);
@@ -142,19 +151,19 @@ void add_sky(const SkyModel& model, const SkySettings& sky, std::vector<float>& 
   }
 }
 
-// Spreads the sun's light over the pixels that its disk covers, so that the irradiance is exact
-// however small it is. Its irradiance is that of its natural size, as in Mitsuba.
-void add_sun(const SkyModel& model, const SkySettings& sky, std::vector<float>& pixels) {
-  const auto solid_angle = [](double half_angle) { return 2 * kPi * (1 - std::cos(half_angle)); };
-  const double natural = solid_angle(kSunApertureDegrees / 2 * (kPi / 180));
-  const std::array<double, 3> radiance = model.sun_radiance();
+// How many of kSunPoints, which are even on the sun's disk, are nearest to which pixel: (row,
+// column). Those below the horizon are left out.
+constexpr int kSunPoints = 200000;
+
+std::map<std::pair<int, int>, int> cover_sun(const SkySettings& sky) {
   const Point x = any_perpendicular(sky.to_sun);
   const Point y = cross(sky.to_sun, x);
+  std::map<std::pair<int, int>, int> counts;
   // A spiral of equal solid angles (Vogel 1979).
-  constexpr int kPoints = 200000;
-  for (int i = 0; i < kPoints; ++i) {
-    const double cosine = 1 - (i + 0.5) / kPoints * (1 - std::cos(sky.sun_half_angle));
-    const double sine = std::sqrt(1 - cosine * cosine);
+  for (int i = 0; i < kSunPoints; ++i) {
+    const double fall = (i + 0.5) / kSunPoints * (1 - std::cos(sky.sun_half_angle));
+    const double cosine = 1 - fall;
+    const double sine = std::sqrt(fall * (2 - fall));
     const double phi = i * kPi * (3 - std::sqrt(5.0));
     Point direction;
     for (int axis = 0; axis < 3; ++axis) {
@@ -163,7 +172,22 @@ void add_sun(const SkyModel& model, const SkySettings& sky, std::vector<float>& 
     }
     if (direction[2] < 0) continue;
     const auto [column, row] = pixel_of(direction);
-    const double weight = sky.sun_scale * natural / kPoints / pixel_solid_angle(row);
+    ++counts[{row, column}];
+  }
+  return counts;
+}
+
+// Spreads the sun's light over the pixels that its disk covers, so that the integral of its
+// radiance over all directions is exact however small it is. It is that of its natural size, as in
+// Mitsuba.
+void add_sun(const SkyModel& model, const SkySettings& sky, std::vector<float>& pixels) {
+  const auto solid_angle = [](double half_angle) { return 2 * kPi * (1 - std::cos(half_angle)); };
+  const double natural = solid_angle(kSunApertureDegrees / 2 * (kPi / 180));
+  const std::array<double, 3> radiance = model.sun_radiance();
+  for (const auto& [pixel, count] : cover_sun(sky)) {
+    const auto [row, column] = pixel;
+    const double share = static_cast<double>(count) / kSunPoints;
+    const double weight = sky.sun_scale * natural * share / pixel_solid_angle(row);
     for (int c = 0; c < 3; ++c) {
       pixels[3 * (size_t{1} * row * kWidth + column) + c] +=
           static_cast<float>(weight * radiance[c]);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "scene_file/motion.h"
 #include "scene_file/names.h"
 
 namespace metrofarm::scene_file::pbrt {
@@ -190,13 +191,13 @@ std::array<double, 4> read_screen_window(Parameters& parameters, Context& contex
 }
 
 // Camera space of pbrt has +x to the right of the image, ours to the left.
-Matrix place_camera(const RenderingOptions& options, double& scale, Context& context) {
-  Matrix placed = multiply(options.world_from_camera, scaling({-1, 1, 1}));
+Matrix place_camera(const Matrix& world_from_camera, const SourceLocation& where, double& scale,
+                    Context& context) {
+  Matrix placed = multiply(world_from_camera, scaling({-1, 1, 1}));
   scale = length(column(placed, 0));
   constexpr double kTolerance = 1e-3;
   if (!(scale > 0) || deviation_from_rotation(placed, scale) > kTolerance * scale * scale) {
-    context.problems.fail("the camera's transform must scale equally in all directions",
-                          options.camera.where());
+    context.problems.fail("the camera's transform must scale equally in all directions", where);
     return kIdentity;
   }
   for (size_t row = 0; row < 3; ++row) {
@@ -213,6 +214,27 @@ void load_shutter(Parameters& parameters, Context& context) {
                                  parameters.where());
   }
   context.imaging_ratio *= close - open;
+  context.scene.sensor.shutter_open = open;
+  context.scene.sensor.shutter_close = close;
+}
+
+// Returns what one unit of camera space is in the world.
+double place_sensor(const RenderingOptions& options, Context& context) {
+  scene::Sensor& sensor = context.scene.sensor;
+  const SourceLocation where = options.camera.where();
+  double scale = 1;
+  sensor.keys = keys_between(options.world_from_camera, context);
+  if (sensor.keys.empty()) {
+    sensor.to_world = place_camera(options.world_from_camera[0], where, scale, context);
+    return scale;
+  }
+  warn_of_motion(where, context);
+  const std::optional<Matrix> pose = pose_at(sensor.keys, sensor.shutter_open);
+  for (scene::Keyframe& key : sensor.keys) {
+    key.to_world = place_camera(key.to_world, where, scale, context);
+  }
+  sensor.to_world = place_camera(pose.value_or(kIdentity), where, scale, context);
+  return scale;
 }
 
 void load_perspective(Parameters& parameters, double scale, Context& context) {
@@ -258,12 +280,11 @@ void load_camera(RenderingOptions& options, Context& context) {
   Parameters& parameters = options.camera.parameters;
   const std::string& type = options.camera.type;
   sensor.where = options.camera.where();
-  double scale = 1;
-  sensor.to_world = place_camera(options, scale, context);
+  load_shutter(parameters, context);
+  const double scale = place_sensor(options, context);
   // pbrt's cameras see from their origin to infinity.
   sensor.near_clip = 1e-6 * scale;
   sensor.far_clip = 1e30;
-  load_shutter(parameters, context);
   if (type == "orthographic") {
     load_orthographic(parameters, scale, context);
   } else {

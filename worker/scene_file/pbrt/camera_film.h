@@ -1,6 +1,7 @@
 // Camera, film, filter, sampler and integrator.
 #pragma once
 
+#include <array>
 #include <optional>
 
 #include "scene_file/pbrt/context.h"
@@ -14,7 +15,7 @@ struct RenderingOptions {
   Entity filter = {"gaussian", {}};
   Entity sampler = {"zsobol", {}};
   Entity integrator = {"volpath", {}};
-  Matrix world_from_camera = kIdentity;
+  std::array<Matrix, 2> world_from_camera = {kIdentity, kIdentity};  // as the current transforms
 };
 
 // Fills sensor, film and integrator of the scene, and the imaging ratio.

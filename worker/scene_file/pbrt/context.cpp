@@ -35,6 +35,20 @@ std::string hint_for(std::string_view type) {
 
 }  // namespace
 
+std::vector<scene::Keyframe> keys_between(const std::array<Matrix, 2>& transforms,
+                                          const Context& context) {
+  if (transforms[0] == transforms[1]) return {};
+  return {{context.transform_times[0], transforms[0]}, {context.transform_times[1], transforms[1]}};
+}
+
+void warn_of_motion(const SourceLocation& where, Context& context) {
+  if (context.warned_of_motion) return;
+  context.warned_of_motion = true;
+  context.problems.warn(
+      "things move from here on while the shutter is open; they stand where they are when it opens",
+      where);
+}
+
 void report_unknown_plugin(std::string_view what, const Entity& entity,
                            const std::vector<std::string_view>& supported, std::string_view instead,
                            Problems& problems) {

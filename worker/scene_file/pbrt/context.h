@@ -1,11 +1,13 @@
 // What the loaders of the single plugins share while a scene is built.
 #pragma once
 
+#include <array>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "scene/description.h"
+#include "scene_file/affine.h"
 #include "scene_file/file_access.h"
 #include "scene_file/pbrt/parameters.h"
 
@@ -19,7 +21,19 @@ struct Context {
   // What the film makes of a radiance of 1: exposure time times ISO / 100. All lights are scaled by
   // it.
   double imaging_ratio = 1;
+
+  bool warned_of_motion = false;
+
+  // When the two current transforms hold.
+  std::array<double, 2> transform_times = {0, 1};
 };
+
+// Keys of what moves from one transform to the other; none if they are the same.
+std::vector<scene::Keyframe> keys_between(const std::array<Matrix, 2>& transforms,
+                                          const Context& context);
+
+// Once for a scene: what moves is shown as it stands when the shutter opens.
+void warn_of_motion(const SourceLocation& where, Context& context);
 
 // Reports a plugin that is not known: `what` is as the file writes it (Shape "curve"), `instead`
 // what happens under leniency.

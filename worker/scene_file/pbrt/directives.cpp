@@ -107,7 +107,10 @@ void Interpreter::active_transform() {
 }
 
 void Interpreter::transform_times() {
-  read_numbers(2);
+  const std::vector<double> v = read_numbers(2);
+  if (failed()) return;
+  if (!(v[0] < v[1])) return fail("TransformTimes needs a start and a later end");
+  context_.transform_times = {v[0], v[1]};
 }
 
 void Interpreter::push(std::string_view opened_by) {

@@ -164,10 +164,12 @@ Entity Interpreter::read_entity(std::string_view target, std::string_view what) 
 
 void Interpreter::camera() {
   rendering_.camera = read_entity("");
-  const std::optional<Matrix> inverse = affine_inverse(state_.transform[0]);
-  if (!inverse) return fail("the camera's transform is singular: it must not flatten the world");
-  rendering_.world_from_camera = *inverse;
-  coordinate_systems_["camera"] = {*inverse, *inverse};
+  for (size_t i = 0; i < 2; ++i) {
+    const std::optional<Matrix> inverse = affine_inverse(state_.transform[i]);
+    if (!inverse) return fail("the camera's transform is singular: it must not flatten the world");
+    rendering_.world_from_camera[i] = *inverse;
+  }
+  coordinate_systems_["camera"] = rendering_.world_from_camera;
 }
 
 void Interpreter::film() {
@@ -309,9 +311,18 @@ void Interpreter::medium() {
 }
 
 void Interpreter::medium_interface() {
-  read_string("the name of a medium");
+  bool named = !read_string("the name of a medium").empty();
   const std::optional<Token>& next = source_->tokens.peek();
-  if (next && next->kind == Token::Kind::kString) read_string("the name of a medium");
+  if (next && next->kind == Token::Kind::kString) {
+    named |= !read_string("the name of a medium").empty();
+  }
+  if (!named) return;
+  context_.problems.unsupported(context_.problems.lenient()
+                                    ? "participating media are not supported; shapes and cameras "
+                                      "from here on are left without theirs"
+                                    : "participating media are not supported: remove the "
+                                      "MediumInterface, or load leniently to render without media",
+                                here());
 }
 
 }  // namespace metrofarm::scene_file::pbrt

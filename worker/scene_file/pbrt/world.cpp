@@ -1,18 +1,18 @@
 #include "scene_file/pbrt/world.h"
 
+#include "scene_file/motion.h"
 #include "scene_file/names.h"
 #include "scene_file/pbrt/shapes.h"
 
 namespace metrofarm::scene_file::pbrt {
 
-const Matrix& World::transform_of(const GraphicsState& state, const SourceLocation& where) {
-  if (state.transform[0] != state.transform[1] && !warned_of_motion_) {
-    warned_of_motion_ = true;
-    context_.problems.warn(
-        "things move here while the shutter is open; they stand where they are at its start",
-        where);
-  }
-  return state.transform[0];
+Matrix World::pose_of(const GraphicsState& state, const SourceLocation& where) {
+  const std::vector<scene::Keyframe> keys = keys_between(state.transform, context_);
+  if (keys.empty()) return state.transform[0];
+  warn_of_motion(where, context_);
+  const std::optional<Matrix> pose = pose_at(keys, context_.scene.sensor.shutter_open);
+  if (!pose) context_.problems.fail("transforms of what moves must not flatten it", where);
+  return pose.value_or(kIdentity);
 }
 
 void World::add_shape(Entity entity, const GraphicsState& state) {
@@ -20,10 +20,11 @@ void World::add_shape(Entity entity, const GraphicsState& state) {
   Pending pending;
   pending.material = state.material;
   if (const Parameter* alpha = entity.parameters.find("alpha")) pending.alpha = *alpha;
-  const Placement placement{transform_of(state, where), state.reverse_orientation};
+  const Placement placement{pose_of(state, where), state.reverse_orientation};
   std::optional<PlacedShape> placed = load_shape(entity, placement, context_);
   if (!placed) return;
   pending.uv = placed->uv;
+  placed->shape.keys = keys_between(state.transform, context_);
   if (!state.area_light) return add(std::move(placed->shape), std::move(pending));
   if (in_object()) {
     context_.problems.warn("a shape of an object can't be a light: its AreaLightSource is ignored",
@@ -61,7 +62,12 @@ void World::add_light(Entity entity, const GraphicsState& state) {
   if (in_object()) {
     return context_.problems.fail("a LightSource can't be part of an object", entity.where());
   }
-  load_light(entity, transform_of(state, entity.where()), context_);
+  // pbrt's lights don't move: they stay at the start.
+  if (state.transform[0] != state.transform[1]) {
+    context_.problems.warn("lights don't move; this one stays where its motion starts",
+                           entity.where());
+  }
+  load_light(entity, state.transform[0], context_);
 }
 
 void World::begin_object(const std::string& name, const SourceLocation& where) {
@@ -80,7 +86,8 @@ void World::add_instance(const std::string& name, const GraphicsState& state,
     return context_.problems.fail("an ObjectInstance can't stand inside of an object", where);
   }
   scene::Instance instance;
-  instance.to_world = transform_of(state, where);
+  instance.to_world = pose_of(state, where);
+  instance.keys = keys_between(state.transform, context_);
   instance.where = where;
   if (flattens(instance.to_world)) {
     return context_.problems.fail("the transform of an ObjectInstance must not flatten it", where);

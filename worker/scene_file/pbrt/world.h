@@ -52,7 +52,7 @@ class World {
     scene::Instance instance;
   };
 
-  const Matrix& transform_of(const GraphicsState& state, const SourceLocation& where);
+  Matrix pose_of(const GraphicsState& state, const SourceLocation& where);
   void add(scene::Shape shape, Pending pending);
   void make_light(const AreaLight& light, scene::Shape shape, const Pending& pending);
   void attach_materials();
@@ -66,7 +66,6 @@ class World {
   Object* object_ = nullptr;
   scene::Index group_count_ = 0;
   std::vector<NamedInstance> instances_;
-  bool warned_of_motion_ = false;
 };
 
 }  // namespace metrofarm::scene_file::pbrt

@@ -66,6 +66,36 @@ TEST_F(Root, AllowsFilesInside) {
   EXPECT_EQ(message(obj((directory_.path() / "bundle/inside.obj").string())), "");
 }
 
+// A bundle has only the folders that hold a file.
+TEST_F(Root, MayLackFoldersThatAreSearched) {
+  EXPECT_EQ(message("<path value=\"gone\"/>" + obj("inside.obj")), "");
+  EXPECT_EQ(message("<path value=\"gone\"/>" + obj("../inside.obj")), "");
+  EXPECT_EQ(message("<path value=\"inside.obj\"/>"),
+            "\"" + (directory_.path() / "bundle/inside.obj").string() + "\" is not a directory");
+  expect_refused("<path value=\"gone\"/>" + obj("../up/secret.obj"));
+  expect_refused("<path value=\"gone/../..\"/>");
+}
+
+// What one of the folders would lead to outside may lie inside for another.
+TEST_F(Root, LooksOnWhereAFolderLeadsOutside) {
+  directory_.write("bundle/deep/scene.xml",
+                   scene_around("<path value=\"..\"/>" + obj("../inside.obj")));
+  const auto scene = load_scene(directory_.path() / "bundle/deep/scene.xml",
+                                {.root = directory_.path() / "bundle"});
+  EXPECT_TRUE(scene) << scene.error().to_string();
+}
+
+TEST(Files, FoldersThatAreSearchedAreTold) {
+  const Directory directory;
+  directory.write("common/triangle.obj", kTriangle);
+  std::vector<fs::path> folders;
+  LoadOptions options;
+  options.folder_added = [&](const fs::path& folder) { folders.push_back(folder); };
+  const std::string content = "<path value=\"../common\"/>" + obj("triangle.obj");
+  EXPECT_TRUE(load_scene(directory.write("scenes/scene.xml", scene_around(content)), options));
+  EXPECT_EQ(folders, std::vector{directory.path() / "scenes" / "../common"});
+}
+
 TEST_F(Root, RefusesFilesOutsideWhetherTheyExistOrNot) {
   expect_refused(obj("../secret.obj"));
   expect_refused(obj("..\\secret.obj"));

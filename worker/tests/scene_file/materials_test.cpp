@@ -216,6 +216,28 @@ TEST(RoughPlastic, DefaultsAndParameters) {
             "<texture>");
 }
 
+// By the brightest place of both together; a texture counts with what is in it.
+TEST(Phong, ReflectsAtMostWhatFallsIn) {
+  const auto model = [](const std::string& diffuse) {
+    return load_legacy_bsdf<scene::Phong>(
+        "phong", diffuse + "<rgb name=\"specularReflectance\" value=\"0.5, 0.4, 0.5\"/>");
+  };
+  const auto bright = model("<rgb name=\"diffuseReflectance\" value=\"0.1, 0.8, 0.3\"/>");
+  EXPECT_FLOAT_EQ(bright.diffuse_reflectance.value[1], 0.8F * 0.99F / 1.2F);
+  EXPECT_FLOAT_EQ(bright.specular_reflectance.value[0], 0.5F * 0.99F / 1.2F);
+  const std::string board =
+      "<texture name=\"diffuseReflectance\" type=\"checkerboard\">"
+      "<rgb name=\"color0\" value=\"0.1, 0.2, 0.3\"/>"
+      "<rgb name=\"color1\" value=\"GREEN\"/></texture>";
+  const auto with_green = [&](const std::string& value) {
+    std::string text = board;
+    return model(text.replace(text.find("GREEN"), 5, value));
+  };
+  EXPECT_EQ(with_green("0.3, 0.6, 0.3").specular_reflectance.value[0], 0.5F);
+  EXPECT_EQ(with_green("0.3, 0.6, 0.3").diffuse_reflectance.value[0], 1.F);
+  EXPECT_FLOAT_EQ(with_green("0.3, 0.9, 0.3").diffuse_reflectance.value[0], 0.99F / 1.3F);
+}
+
 TEST(Phong, DefaultsAndParameters) {
   const auto plain = load_legacy_bsdf<scene::Phong>("phong", "");
   EXPECT_EQ(plain.exponent.value, 30);

@@ -70,6 +70,31 @@ TEST(PbrtDirectives, MotionStandsAtTheShuttersStart) {
   EXPECT_TRUE(contains(scene.warnings[0].message, "move"));
 }
 
+TEST(PbrtDirectives, MotionStandsWhereTheShutterOpens) {
+  const auto scene = valid_pbrt(
+      "Shape \"sphere\" ActiveTransform EndTime Translate 10 0 0 ActiveTransform All "
+      "Translate 0 1 0 Shape \"sphere\" ObjectBegin \"o\" Shape \"disk\" ObjectEnd "
+      "ObjectInstance \"o\"",
+      "TransformTimes 1 3 ActiveTransform EndTime Translate 0 0 -8 ActiveTransform All "
+      "Camera \"perspective\" \"float shutteropen\" 1.5 \"float shutterclose\" 2");
+  ASSERT_EQ(scene.shapes.size(), 3U);
+  EXPECT_TRUE(scene.shapes[0].keys.empty());
+  expect_near(std::get<scene::Sphere>(scene.shapes[1].geometry).center, {2.5, 1, 0});
+  ASSERT_EQ(scene.shapes[1].keys.size(), 2U);
+  EXPECT_EQ(scene.shapes[1].keys[0].time, 1);
+  EXPECT_EQ(scene.shapes[1].keys[1].time, 3);
+  expect_near(column(scene.shapes[1].keys[1].to_world, 3), {10, 1, 0});
+  ASSERT_EQ(scene.instances.size(), 1U);
+  expect_near(column(scene.instances[0].to_world, 3), {2.5, 1, 0});
+  EXPECT_EQ(scene.instances[0].keys.size(), 2U);
+  expect_near(column(scene.sensor.to_world, 3), {0, 0, 2});
+  ASSERT_EQ(scene.sensor.keys.size(), 2U);
+  expect_near(column(scene.sensor.keys[1].to_world, 3), {0, 0, 8});
+  EXPECT_EQ(scene.sensor.shutter_open, 1.5);
+  EXPECT_EQ(scene.sensor.shutter_close, 2);
+  EXPECT_EQ(scene.warnings.size(), 1U);
+}
+
 TEST(PbrtDirectives, ObjectsBecomeGroupsWithInstances) {
   const auto scene = valid_pbrt(
       "ObjectBegin \"o\" Translate 1 0 0 Shape \"sphere\" Shape \"disk\" ObjectEnd "
@@ -164,6 +189,7 @@ TEST(PbrtDirectives, MistakesAreNamedWithLineAndRemedy) {
            Case{"WorldBegin\nObjectInstance \"x\"", "no object is named \"x\""},
            Case{"WorldBegin\nNamedMaterial \"x\" Shape \"sphere\"", "no material is named \"x\""},
            Case{"WorldBegin\nMakeNamedMedium \"m\"", "2: participating media"},
+           Case{"MediumInterface \"\" \"m\"", "1: participating media"},
            Case{"Shape", "WorldBegin"},
            Case{"", "no WorldBegin"},
        }) {
@@ -178,7 +204,7 @@ TEST(PbrtDirectives, LeniencyDropsMediaAndUnknownThings) {
       "Material \"hair\" Shape \"sphere\" \"float wobble\" 3 Shape \"curve\"",
       "", {.lenient = true});
   EXPECT_EQ(scene.shapes.size(), 1U);
-  EXPECT_EQ(scene.warnings.size(), 4U);
+  EXPECT_EQ(scene.warnings.size(), 5U);
 }
 
 }  // namespace

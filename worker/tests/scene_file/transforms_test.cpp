@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "scene_file/motion.h"
 #include "support.h"
 
 namespace metrofarm::scene_file::test {
@@ -71,6 +72,63 @@ TEST(Animation, IsReadInTheOrderOfTime) {
   EXPECT_EQ(scene.shapes[0].keys[1].time, 0.5);
   EXPECT_EQ(scene.shapes[0].keys[1].to_world[3], 2);
   EXPECT_EQ(std::get<scene::Disk>(scene.shapes[0].geometry).to_world[3], 1);
+}
+
+scene::Matrix moving_disk(double shutter_open, const std::string& keys) {
+  const auto scene =
+      load_valid("<sensor type=\"perspective\"><float name=\"shutter_open\" value=\"" +
+                 std::to_string(shutter_open) +
+                 "\"/></sensor><shape type=\"disk\"><animation name=\"to_world\">" + keys +
+                 "</animation></shape>");
+  EXPECT_EQ(scene.shapes.at(0).keys.size(), 2U);
+  return std::get<scene::Disk>(scene.shapes.at(0).geometry).to_world;
+}
+
+TEST(Animation, StandsWhereItIsWhenTheShutterOpens) {
+  const std::string keys =
+      "<transform time=\"1\"><scale value=\"2\"/><translate x=\"1\"/></transform>"
+      "<transform time=\"3\"><scale value=\"4\"/><rotate z=\"1\" angle=\"90\"/>"
+      "<translate x=\"5\" y=\"8\"/></transform>";
+  const auto pose = [](double degrees, double scale, double x, double y) {
+    return multiply(multiply(translation({x, y, 0}), rotation({0, 0, 1}, degrees)),
+                    scaling({scale, scale, scale}));
+  };
+  const std::pair<double, scene::Matrix> cases[] = {
+      {0, pose(0, 2, 1, 0)},  {1, pose(0, 2, 1, 0)},  {1.5, pose(22.5, 2.5, 2, 2)},
+      {2, pose(45, 3, 3, 4)}, {3, pose(90, 4, 5, 8)}, {9, pose(90, 4, 5, 8)}};
+  for (const auto& [time, expected] : cases) {
+    const scene::Matrix actual = moving_disk(time, keys);
+    for (int i = 0; i < 16; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-14) << time << " at " << i;
+  }
+}
+
+// Stretches along axes that are not the coordinates', a mirror, and the shorter of the two arcs.
+TEST(Animation, KeysMayShearAndMirror) {
+  const std::vector<scene::Matrix> stretches = {
+      {2, 1, 0, 0, 1, 3, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1},
+      {-1, 0, 0, 0, 0, -2, 0, 0, 0, 0, -3, 0, 0, 0, 0, 1}};
+  for (const scene::Matrix& stretch : stretches) {
+    const std::vector<scene::Keyframe> keys = {
+        {0, multiply(rotation({1, 2, 3}, 170), stretch)},
+        {1, multiply(rotation({1, 2, 3}, 270), multiply(stretch, scaling({3, 3, 3})))}};
+    const scene::Matrix expected =
+        multiply(rotation({1, 2, 3}, 195), multiply(stretch, scaling({1.5, 1.5, 1.5})));
+    const auto actual = pose_at(keys, 0.25);
+    ASSERT_TRUE(actual);
+    for (size_t i = 0; i < 16; ++i) EXPECT_NEAR((*actual)[i], expected[i], 1e-13) << i;
+  }
+  const std::vector<scene::Keyframe> keys = {{0, rotation({0, 1, 0}, 10)},
+                                             {1, rotation({0, 1, 0}, 350)}};
+  const auto half = pose_at(keys, 0.5);
+  ASSERT_TRUE(half);
+  for (size_t i = 0; i < 16; ++i) EXPECT_NEAR((*half)[i], kIdentity[i], 1e-15);
+}
+
+TEST(Animation, KeysMustNotFlattenWhereAPoseBetweenThemIsShown) {
+  const std::vector<scene::Keyframe> keys = {{0, scaling({1, 1, 0})}, {1, translation({1, 0, 0})}};
+  EXPECT_FALSE(pose_at(keys, 0.5));
+  EXPECT_EQ(pose_at(keys, 0), keys[0].to_world);
+  EXPECT_EQ(pose_at(keys, 1), keys[1].to_world);
 }
 
 TEST(Animation, Errors) {

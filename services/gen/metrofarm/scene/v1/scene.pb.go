@@ -415,7 +415,8 @@ type SceneReport struct {
 	Height uint32 `protobuf:"varint,2,opt,name=height,proto3" json:"height,omitempty"`
 	// Reconstruction filter.
 	Filter Filter `protobuf:"varint,3,opt,name=filter,proto3,enum=metrofarm.scene.v1.Filter" json:"filter,omitempty"`
-	// Half of the filter's support per axis, in pixels.
+	// Half of the filter's support per axis, in pixels: 0 or more and less than 19.5, the widest that
+	// workers splat.
 	FilterRadius float64 `protobuf:"fixed64,4,opt,name=filter_radius,json=filterRadius,proto3" json:"filter_radius,omitempty"`
 	// Longest path in edges that the scene asks for; -1: no limit.
 	MaxDepth int32 `protobuf:"varint,5,opt,name=max_depth,json=maxDepth,proto3" json:"max_depth,omitempty"`
@@ -439,7 +440,8 @@ type SceneReport struct {
 	LoadSeconds float64 `protobuf:"fixed64,14,opt,name=load_seconds,json=loadSeconds,proto3" json:"load_seconds,omitempty"`
 	// Seconds for building the acceleration structure and light tables.
 	BuildSeconds float64 `protobuf:"fixed64,15,opt,name=build_seconds,json=buildSeconds,proto3" json:"build_seconds,omitempty"`
-	// What was accepted but may surprise, each with file and line.
+	// What was accepted but may surprise, each with file and line; at most the first 100, and then one
+	// that says how many there are beyond them.
 	Warnings []string `protobuf:"bytes,16,rep,name=warnings,proto3" json:"warnings,omitempty"`
 	// Kind of the sensor, for example "thinlens".
 	Sensor string `protobuf:"bytes,17,opt,name=sensor,proto3" json:"sensor,omitempty"`
