@@ -7,15 +7,9 @@ namespace {
 
 constexpr int kLargestFilm = 32768;
 
-std::string problem_with_kernel(const metropolis::Kernel& k) {
-  if (!(k.large_step_probability > 0 && k.large_step_probability <= 1))
-    return "kernel.large_step_probability must lie in (0, 1]";
-  if (k.kind == metropolis::KernelKind::kGaussian) {
-    if (!(k.sigma > 0 && k.sigma < 0.25)) return "kernel.sigma must lie in (0, 0.25)";
-  } else if (!(k.s1 > 0 && k.s1 < k.s2 && k.s2 < 0.5)) {
-    return "kernel radii must satisfy 0 < s1 < s2 < 0.5";
-  }
-  return "";
+std::string problem_with_proposals(const Spec& spec) {
+  const std::optional<Error> problem = metropolis::problem_with(spec.proposals());
+  return problem ? problem->message : "";
 }
 
 }  // namespace
@@ -30,7 +24,7 @@ std::string problem_with(const Spec& spec) {
       spec.bootstrap_samples > kLargestBootstrap)
     return "bootstrap_samples must be an even multiple of 64, at most 2^32";
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
-  return spec.integrator == Integrator::kPssmlt ? problem_with_kernel(spec.kernel) : "";
+  return spec.integrator == Integrator::kPssmlt ? problem_with_proposals(spec) : "";
 }
 
 Context::Context(const transport::Scene& scene, const Spec& spec)
