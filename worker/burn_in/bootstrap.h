@@ -38,7 +38,7 @@ class Bootstrap {
                            static_cast<uint32_t>(turn * kLanes));
       source_.pin(primary_space::kTechniqueSlot, lengths_[length]);
     }
-    return target_.evaluate(source_);
+    return target_.evaluate(source_, metropolis::Which::kProposal, all_lanes());
   }
 
   // Which of the lengths samples first .. first + 7 have. Requires: paths are multiplexed.

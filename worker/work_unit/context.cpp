@@ -7,18 +7,19 @@ namespace {
 
 constexpr int kLargestFilm = 32768;
 
-std::string problem_with_kernel(const metropolis::Kernel& k) {
-  if (!(k.large_step_probability > 0 && k.large_step_probability <= 1))
-    return "kernel.large_step_probability must lie in (0, 1]";
-  if (k.kind == metropolis::KernelKind::kGaussian) {
-    if (!(k.sigma > 0 && k.sigma < 0.25)) return "kernel.sigma must lie in (0, 0.25)";
-  } else if (!(k.s1 > 0 && k.s1 < k.s2 && k.s2 < 0.5)) {
-    return "kernel radii must satisfy 0 < s1 < s2 < 0.5";
-  }
-  return "";
+std::string problem_with_proposals(const Spec& spec) {
+  const std::optional<Error> problem = metropolis::problem_with(spec.proposals());
+  return problem ? problem->message : "";
 }
 
 }  // namespace
+
+metropolis::Proposals Spec::proposals() const {
+  std::vector<metropolis::FrozenPair> frozen;
+  if (integrator == Integrator::kMmlt)
+    frozen.push_back({primary_space::kTechniqueSlot, true, !mutate_technique});
+  return {kernel, delayed_rejection, frozen};
+}
 
 std::string problem_with(const Spec& spec) {
   if (spec.width < 1 || spec.width > kLargestFilm || spec.height < 1 || spec.height > kLargestFilm)
@@ -32,7 +33,7 @@ std::string problem_with(const Spec& spec) {
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
   if (spec.integrator == Integrator::kMmlt && !(spec.path.max_depth >= 1))
     return "max_depth must be at least 1 where the integrator is mmlt";
-  return runs_chains(spec.integrator) ? problem_with_kernel(spec.kernel) : "";
+  return runs_chains(spec.integrator) ? problem_with_proposals(spec) : "";
 }
 
 Context::Context(const transport::Scene& scene, const Spec& spec)

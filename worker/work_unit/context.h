@@ -9,7 +9,8 @@
 
 #include "base/result.h"
 #include "film/film.h"
-#include "metropolis/kernel.h"
+#include "metropolis/acceptance.h"
+#include "metropolis/delayed_rejection.h"
 #include "transport/multiplexed.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
@@ -32,8 +33,14 @@ struct Spec {
   metropolis::Kernel kernel;
   // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps.
   std::vector<double> length_probabilities;
+  // kMmlt: small steps keep a path's length, and its technique unless that is to be mutated.
+  bool mutate_technique = false;
+  metropolis::DelayedRejection delayed_rejection;
+  metropolis::LayerWeights layer_weights = metropolis::LayerWeights::kTwoLayer;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
+
+  metropolis::Proposals proposals() const;
 };
 
 // Chains, or path samples, that are run side by side and handed out together.
@@ -94,6 +101,10 @@ struct Counts {
   uint64_t rays = 0;
   uint64_t large_steps = 0, large_accepted = 0;
   uint64_t small_steps = 0, small_accepted = 0;
+  // Second stages after rejected small steps, and after rejected large ones.
+  uint64_t second_stages = 0, second_accepted = 0;
+  uint64_t second_after_large = 0, second_after_large_accepted = 0;
+  uint64_t coordinates = 0;  // that the proposals of all stages asked for
 };
 
 }  // namespace metrofarm::work_unit

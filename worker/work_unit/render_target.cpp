@@ -40,7 +40,7 @@ std::vector<uint32_t> replayable(const std::vector<primary_space::StoredPair>& p
 
 RenderTarget::RenderTarget(const Context& context, std::unique_ptr<transport::Estimator> estimator)
     : context_(context), estimator_(std::move(estimator)) {
-  current_.reset();
+  for (transport::Contribution& c : found_) c.reset();
 }
 
 void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain) {
@@ -51,16 +51,18 @@ void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t
     noise_[lane] = mix64(mix64(context_.spec().seed) + first_chain + lane);
 }
 
-Float RenderTarget::evaluate(primary_space::SampleSource& source) {
-  estimator_->trace(source, context_.whole_raster(), all_lanes(), proposal_);
+Float RenderTarget::evaluate(primary_space::SampleSource& source, Which into, Mask lanes) {
+  transport::Contribution& c = all(lanes) ? found(into) : scratch_;
+  estimator_->trace(source, context_.whole_raster(), lanes, c);
   // The sum of sound contributions can still leave the range of floats.
-  const Spectrum total = proposal_.total();
+  const Spectrum total = c.total();
   const Mask sound = diagnostics::sound(total);
   if (!estimator_->incidents().empty()) log_incidents(source);
   if (!all(sound)) {
     anomalies_.count(diagnostics::AnomalyKind::kInfinite);
-    for (transport::Splat& s : proposal_.splats) s.radiance = keep(sound, s.radiance);
+    for (transport::Splat& s : c.splats) s.radiance = keep(sound, s.radiance);
   }
+  if (!all(lanes)) found(into).take(scratch_, lanes);
   return keep(sound, luminance(total));
 }
 
@@ -72,13 +74,13 @@ void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
   }
 }
 
-void RenderTarget::accept(Mask lanes) {
-  current_.take(proposal_, lanes);
+void RenderTarget::accept(Which from, Mask lanes) {
+  found(Which::kCurrent).take(found(from), lanes);
 }
 
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
   if (none(lanes)) return;
-  const transport::Contribution& c = which == Which::kCurrent ? current_ : proposal_;
+  const transport::Contribution& c = found(which);
   destination_.layer = static_cast<int>(layer);
   const uint64_t call = mix64(serial);
   uint64_t noise[kLanes];
@@ -92,16 +94,17 @@ void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uin
 }
 
 RenderTarget::Payload RenderTarget::proposal(int lane) const {
-  return payload_of(proposal_, lane);
+  return payload_of(found(Which::kProposal), lane);
 }
 RenderTarget::Payload RenderTarget::current(int lane) const {
-  return payload_of(current_, lane);
+  return payload_of(found(Which::kCurrent), lane);
 }
 
 void RenderTarget::set_current(int lane, const Payload& payload) {
-  if (current_.splats.size() < payload.size()) current_.splats.resize(payload.size());
-  for (size_t i = 0; i < current_.splats.size(); ++i) {
-    transport::Splat& s = current_.splats[i];
+  transport::Contribution& current = found(Which::kCurrent);
+  if (current.splats.size() < payload.size()) current.splats.resize(payload.size());
+  for (size_t i = 0; i < current.splats.size(); ++i) {
+    transport::Splat& s = current.splats[i];
     const LaneSplat p = i < payload.size() ? payload[i] : LaneSplat{};
     set_lane_value(s.raster_x, lane, p.x);
     set_lane_value(s.raster_y, lane, p.y);
