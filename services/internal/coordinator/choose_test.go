@@ -63,7 +63,9 @@ func TestAutoSurvivesTheCoordinator(t *testing.T) {
 	s.start()
 	defer s.crew(workers(2, inPathScene)...)()
 	id := s.submit(open())
-	s.await(id, "measured", func(j job.Snapshot) bool { return j.State == job.Bootstrapping || j.State == job.Rendering || j.State.Ended() })
+	s.await(id, "measured", func(j job.Snapshot) bool {
+		return j.State == job.Bootstrapping || j.State == job.Rendering || j.State.Ended()
+	})
 	s.kill()
 	s.start()
 	defer s.stop()

@@ -47,7 +47,7 @@ func TestAutoRule(t *testing.T) {
 
 func TestRelativeVariance(t *testing.T) {
 	_, d := Decide(values(1000, 0, 0, 250), &scenev1.SceneReport{})
-	if want := 0.25*0.75/(0.25*0.25); math.Abs(d.RelativeVariance-want) > 1e-12 {
+	if want := 0.25 * 0.75 / (0.25 * 0.25); math.Abs(d.RelativeVariance-want) > 1e-12 {
 		t.Errorf("relative variance %v of a coin that shows light one time in four, want %v", d.RelativeVariance, want)
 	}
 }

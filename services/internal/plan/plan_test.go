@@ -188,7 +188,7 @@ func TestResolvedRoundTripAndRefusals(t *testing.T) {
 			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
 			s.Kernel.Kind = jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE
 		},
-		"width":      func(s *jobv1.ResolvedSpec) { s.Width = 40000 },
+		"width": func(s *jobv1.ResolvedSpec) { s.Width = 40000 },
 	} {
 		bad := proto.CloneOf(spec)
 		damage(bad)
