@@ -29,7 +29,7 @@ func TestFlagsReachTheRequest(t *testing.T) {
 	r.register(f)
 	arguments := []string{
 		"--integrator", "mmlt", "--delayed-rejection", "on", "--second-stage", "von-mises", "--concentration", "5",
-		"--acceptance-rule", "green-mira", "--after-large-steps", "--technique-coordinate", "mutated",
+		"--acceptance-rule", "tierney-mira", "--after-large-steps", "--technique-coordinate", "mutated",
 		"--layer-weights", "kelemen", "--kernel", "uniform", "--half-width", "0.1", "--max-depth", "7", "scene.xml",
 	}
 	if _, err := f.parse(arguments, 1, 1); err != nil {
@@ -40,7 +40,7 @@ func TestFlagsReachTheRequest(t *testing.T) {
 	}
 	depth := 7
 	want := job.Request{
-		Integrator: "mmlt", DelayedRejection: "on", SecondStage: "von-mises", Concentration: 5, AcceptanceRule: "green-mira",
+		Integrator: "mmlt", DelayedRejection: "on", SecondStage: "von-mises", Concentration: 5, AcceptanceRule: "tierney-mira",
 		AfterLargeSteps: true, TechniqueCoordinate: "mutated", LayerWeights: "kelemen", Kernel: "uniform", HalfWidth: 0.1,
 	}
 	got := r.request

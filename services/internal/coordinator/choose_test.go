@@ -31,7 +31,7 @@ func TestAutoTakesPathsForEvenLight(t *testing.T) {
 	if got.Integrator != "path" || got.Seed != 7 || !strings.Contains(got.Resolved, "autoDecision") {
 		t.Errorf("%s with seed %d: %s", got.Integrator, got.Seed, got.Resolved)
 	}
-	if extra := got.PathEvaluations - want.PathEvaluations; extra != 16384 {
+	if extra := got.PathEvaluations - want.PathEvaluations; extra != 2*16384 {
 		t.Errorf("the pilot took %d samples", extra)
 	}
 	repeat := open()

@@ -76,8 +76,18 @@ func (r *run) plan(report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, 
 // decide chooses the integrator from the pilot's samples and starts the bootstrap. Requires: mu;
 // all samples are in.
 func (r *run) decide() {
+	values := r.samples.Values()
+	if r.pilot == nil {
+		spec, needed := plan.Seen(r.spec)
+		r.pilot = values
+		if needed {
+			r.spec = spec
+			r.startBootstrap()
+			return
+		}
+	}
 	request := r.rec.Request
-	name, decision := plan.Decide(r.samples.Values(), r.report)
+	name, decision := plan.Decide(r.pilot, values, r.report)
 	request.Integrator = name
 	spec, warnings, err := plan.Resolve(request, r.report)
 	if err != nil {
@@ -85,7 +95,7 @@ func (r *run) decide() {
 		return
 	}
 	spec.WorkerVersion, spec.AutoDecision = r.spec.GetWorkerVersion(), decision
-	r.spec, r.piloting = spec, false
+	r.spec, r.piloting, r.pilot = spec, false, nil
 	for _, text := range warnings {
 		r.warn(text)
 	}

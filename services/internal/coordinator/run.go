@@ -39,7 +39,8 @@ type run struct {
 	spec   *jobv1.ResolvedSpec // replaced, never changed: tasks under way share it
 	// While bootstrapping.
 	samples  *bootstrap.Samples
-	piloting bool // the samples are those of the pilot that chooses the integrator
+	piloting bool      // the samples are those of the pilot that chooses the integrator
+	pilot    []float32 // values of its first pass, while the second runs
 	// While rendering, and after the end until the last checkpoint is written.
 	state     *render.State
 	finishing *round.Decision // the last round is folded, its checkpoint is being written
@@ -109,7 +110,7 @@ func (r *run) startInspection() {
 func (r *run) startBootstrap() {
 	phase := "b"
 	if r.piloting {
-		phase = "pilot"
+		phase = fmt.Sprintf("pilot%d-", r.spec.GetMaxDepth())
 	}
 	r.samples = bootstrap.NewSamples(r.spec.GetBootstrapSamples())
 	for i, part := range plan.BootstrapRanges(r.spec) {

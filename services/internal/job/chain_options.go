@@ -13,6 +13,7 @@ const (
 
 	StageWrappedCauchy = "wrapped-cauchy"
 	StageVonMises      = "von-mises"
+	StageLocal         = "local"
 
 	RuleOrbital     = "orbital"
 	RuleTierneyMira = "tierney-mira"
@@ -61,25 +62,29 @@ func chainOptions() []Option {
 		},
 		{
 			"second_stage", "second-stage", "",
-			[]string{StageWrappedCauchy, StageVonMises},
+			[]string{StageWrappedCauchy, StageVonMises, StageLocal},
 			chains,
-			"law of the second stage's angle; default wrapped-cauchy", func(r *Request) any { return &r.SecondStage },
+			"how it proposes: the state turned around the rejected one by an angle of this law, or a smaller step; default wrapped-cauchy", func(r *Request) any { return &r.SecondStage },
 		},
 		{
 			"concentration", "concentration", "X", nil, chains,
-			"of that law: rho of wrapped-cauchy, default exp(-1/4); kappa of von-mises, default 2.63",
+			"of the angle's law: rho of wrapped-cauchy, default exp(-1/4); kappa of von-mises, default 2.63",
 			func(r *Request) any { return &r.Concentration },
 		},
 		{
 			"acceptance_rule", "acceptance-rule", "",
 			[]string{RuleOrbital, RuleTierneyMira, RuleGreenMira},
 			chains,
-			"how the second stage is accepted; default orbital, after kernels of single coordinates tierney-mira",
+			"how the second stage is accepted; default orbital where it holds, else tierney-mira",
 			func(r *Request) any { return &r.AcceptanceRule },
 		},
 		{
 			"after_large_steps", "after-large-steps", "", nil, chains, "a second stage after rejected large steps too",
 			func(r *Request) any { return &r.AfterLargeSteps },
+		},
+		{
+			"local_scale", "local-scale", "X", nil, chains, "size of smaller steps relative to the kernel; default 0.25",
+			func(r *Request) any { return &r.LocalScale },
 		},
 		{
 			"layer_weights", "layer-weights", "",
@@ -131,19 +136,37 @@ func (r *Request) checkSecondStage() error {
 	switch {
 	case r.SecondStage != "" && !on:
 		return invalid("second_stage", "belongs to delayed_rejection on")
-	case r.Concentration != 0 && !on:
-		return invalid("concentration", "belongs to delayed_rejection on")
 	case r.AcceptanceRule != "" && !on:
 		return invalid("acceptance_rule", "belongs to delayed_rejection on")
 	case r.AfterLargeSteps && !on:
 		return invalid("after_large_steps", "belongs to delayed_rejection on")
-	case r.AcceptanceRule == RuleOrbital && !Isotropic(r.Kernel):
-		return invalid("acceptance_rule", "orbital after kernel %s would bias the image, because that kernel is not "+
-			"isotropic in a pair: use tierney-mira or green-mira, or kernel kelemen or gaussian", r.Kernel)
+	case r.Concentration != 0 && (!on || r.SecondStage == StageLocal):
+		return invalid("concentration", "belongs to delayed_rejection on with second_stage wrapped-cauchy or von-mises")
+	case r.LocalScale != 0 && !(on && (r.SecondStage == StageLocal || r.AfterLargeSteps)):
+		return invalid("local_scale", "belongs to delayed_rejection on with second_stage local or after_large_steps")
+	case r.LocalScale != 0 && !(r.LocalScale > 0 && r.LocalScale <= 1):
+		return invalid("local_scale", "is %v, outside 0 < scale <= 1", r.LocalScale)
 	case r.SecondStage == StageVonMises && !(r.Concentration >= 0 && r.Concentration <= MaxKappa):
 		return invalid("concentration", "is %v, outside 0 <= kappa <= %v", r.Concentration, MaxKappa)
 	case r.SecondStage != StageVonMises && !(r.Concentration >= 0 && r.Concentration < 1):
 		return invalid("concentration", "is %v, outside 0 <= rho < 1", r.Concentration)
+	}
+	return r.checkBalance()
+}
+
+// checkBalance refuses acceptance rules that would bias the image.
+func (r *Request) checkBalance() error {
+	local := r.SecondStage == StageLocal
+	switch {
+	case r.AcceptanceRule == RuleOrbital && local:
+		return invalid("acceptance_rule", "orbital after second_stage local would bias the image, because the first stage's "+
+			"density does not cancel: use tierney-mira or green-mira, or second_stage wrapped-cauchy or von-mises")
+	case r.AcceptanceRule == RuleOrbital && !Isotropic(r.Kernel):
+		return invalid("acceptance_rule", "orbital after kernel %s would bias the image, because that kernel is not "+
+			"isotropic in a pair: use tierney-mira, or kernel kelemen or gaussian", r.Kernel)
+	case r.AcceptanceRule == RuleGreenMira && !local:
+		return invalid("acceptance_rule", "green-mira would bias the image where the second stage depends on the rejected "+
+			"proposal: use orbital or tierney-mira, or second_stage local")
 	}
 	return nil
 }

@@ -68,8 +68,18 @@ func TestRefusalsNameTheField(t *testing.T) {
 		"kappa":                 {Request{DelayedRejection: "on", SecondStage: "von-mises", Concentration: -1}, "concentration", "kappa"},
 		"biased": {
 			Request{DelayedRejection: "on", Kernel: "wrapped-cauchy", AcceptanceRule: "orbital"},
-			"acceptance_rule", "use tierney-mira or green-mira, or kernel kelemen or gaussian",
+			"acceptance_rule", "use tierney-mira, or kernel kelemen or gaussian",
 		},
+		"biased after a local move": {
+			Request{DelayedRejection: "on", SecondStage: "local", AcceptanceRule: "orbital"},
+			"acceptance_rule", "use tierney-mira or green-mira",
+		},
+		"biased on an orbit": {
+			Request{DelayedRejection: "on", AcceptanceRule: "green-mira"}, "acceptance_rule", "or second_stage local",
+		},
+		"local scale of an orbit": {Request{DelayedRejection: "on", LocalScale: 0.5}, "local_scale", "after_large_steps"},
+		"large local scale":       {Request{DelayedRejection: "on", SecondStage: "local", LocalScale: 2}, "local_scale", "1"},
+		"angle of a local move":   {Request{DelayedRejection: "on", SecondStage: "local", Concentration: 0.5}, "concentration", "von-mises"},
 		"biased too": {
 			Request{DelayedRejection: "on", Kernel: "kelemen-coordinate", AcceptanceRule: "orbital"},
 			"acceptance_rule", "would bias",
@@ -91,7 +101,8 @@ func TestGoodRequests(t *testing.T) {
 		{Integrator: "mmlt", TechniqueCoordinate: "mutated", Kernel: "uniform", HalfWidth: 0.1},
 		{Integrator: "pssmlt", Under: "bdpt", LayerWeights: "kelemen"},
 		{Integrator: "pssmlt", LightSampling: "bsdf", Kernel: "kelemen-coordinate", DelayedRejection: "on"},
-		{DelayedRejection: "on", SecondStage: "von-mises", Concentration: 100, AcceptanceRule: "green-mira", AfterLargeSteps: true},
+		{DelayedRejection: "on", SecondStage: "von-mises", Concentration: 100, AcceptanceRule: "tierney-mira", AfterLargeSteps: true, LocalScale: 0.5},
+		{DelayedRejection: "on", SecondStage: "local", AcceptanceRule: "green-mira", Kernel: "uniform"},
 	} {
 		r.Scene, r.Entry = "aa", "scene.xml"
 		if err := r.Validate(); err != nil {

@@ -54,12 +54,13 @@ type Request struct {
 	Scale                float64 `json:"scale,omitempty"`
 	HalfWidth            float64 `json:"half_width,omitempty"`
 	LargeStepProbability float64 `json:"large_step_probability,omitempty"`
-	// DelayedRejection, with the four that follow, is the second stage.
+	// DelayedRejection, with the five that follow, is the second stage.
 	DelayedRejection    string  `json:"delayed_rejection,omitempty"`
 	SecondStage         string  `json:"second_stage,omitempty"`
 	Concentration       float64 `json:"concentration,omitempty"`
 	AcceptanceRule      string  `json:"acceptance_rule,omitempty"`
 	AfterLargeSteps     bool    `json:"after_large_steps,omitempty"`
+	LocalScale          float64 `json:"local_scale,omitempty"`
 	LayerWeights        string  `json:"layer_weights,omitempty"`
 	TechniqueCoordinate string  `json:"technique_coordinate,omitempty"`
 

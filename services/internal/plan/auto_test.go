@@ -37,7 +37,7 @@ func TestAutoRule(t *testing.T) {
 		"nothing":              {values(10000, 0, 0, 0), "pssmlt", 0, 1},
 		"fewer than the bound": {values(100, 1, 1, 0), "pssmlt", 1, 0.99},
 	} {
-		got, d := Decide(c.values, &scenev1.SceneReport{})
+		got, d := Decide(c.values, make([]float32, len(c.values)), &scenev1.SceneReport{})
 		if got != c.want || math.Abs(d.TopShare-c.top) > 1e-12 || math.Abs(d.ZeroShare-c.zero) > 1e-12 ||
 			d.PilotSamples != uint64(len(c.values)) || d.Reason == "" {
 			t.Errorf("%s: %s, %v", name, got, d)
@@ -45,8 +45,20 @@ func TestAutoRule(t *testing.T) {
 	}
 }
 
+// TestLampsAreNotHard: what is seen directly does not count, rounding included.
+func TestLampsAreNotHard(t *testing.T) {
+	all, lamp := values(10000, 0, 0, 9000), make([]float32, 10000)
+	for i := range 5 {
+		lamp[i] = 30000
+		all[i] += lamp[i] * (1 + 1e-7)
+	}
+	if got, d := Decide(all, lamp, &scenev1.SceneReport{}); got != "path" || d.TopShare > 0.002 {
+		t.Errorf("%s, %v", got, d)
+	}
+}
+
 func TestRelativeVariance(t *testing.T) {
-	_, d := Decide(values(1000, 0, 0, 250), &scenev1.SceneReport{})
+	_, d := Decide(values(1000, 0, 0, 250), make([]float32, 1000), &scenev1.SceneReport{})
 	if want := 0.25 * 0.75 / (0.25 * 0.25); math.Abs(d.RelativeVariance-want) > 1e-12 {
 		t.Errorf("relative variance %v of a coin that shows light one time in four, want %v", d.RelativeVariance, want)
 	}

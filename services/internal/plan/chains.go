@@ -15,6 +15,8 @@ const (
 	defaultScale     = 0.01
 	defaultHalfWidth = 0.02
 	largeStep        = 0.3
+	// Of local second stages, relative to the kernel.
+	defaultLocalScale = 0.25
 	// The von Mises law with the same mean resultant length as the default wrapped Cauchy.
 	defaultKappa = 2.63
 	packSize     = 8 // bootstrap samples that have one path length
@@ -101,12 +103,16 @@ func delayedRejection(r job.Request) *jobv1.DelayedRejection {
 		return nil
 	}
 	d := &jobv1.DelayedRejection{
-		Enabled: true, AfterLargeSteps: r.AfterLargeSteps,
-		AngleLaw: jobv1.AngleLaw_ANGLE_LAW_WRAPPED_CAUCHY, Concentration: or(r.Concentration, defaultRho),
-		AcceptanceRule: acceptanceRule(r),
+		Enabled: true, Move: jobv1.SecondMove_SECOND_MOVE_ORBITAL, AcceptanceRule: acceptanceRule(r),
+		AfterLargeSteps: r.AfterLargeSteps, LocalScale: or(r.LocalScale, defaultLocalScale),
 	}
-	if r.SecondStage == job.StageVonMises {
+	switch r.SecondStage {
+	case job.StageLocal:
+		d.Move = jobv1.SecondMove_SECOND_MOVE_LOCAL
+	case job.StageVonMises:
 		d.AngleLaw, d.Concentration = jobv1.AngleLaw_ANGLE_LAW_VON_MISES, or(r.Concentration, defaultKappa)
+	default:
+		d.AngleLaw, d.Concentration = jobv1.AngleLaw_ANGLE_LAW_WRAPPED_CAUCHY, or(r.Concentration, defaultRho)
 	}
 	return d
 }
@@ -115,7 +121,7 @@ func acceptanceRule(r job.Request) jobv1.AcceptanceRule {
 	switch {
 	case r.AcceptanceRule == job.RuleGreenMira:
 		return jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA
-	case r.AcceptanceRule == job.RuleTierneyMira, !job.Isotropic(r.Kernel):
+	case r.AcceptanceRule == job.RuleTierneyMira, r.SecondStage == job.StageLocal, !job.Isotropic(r.Kernel):
 		return jobv1.AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA
 	}
 	return jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL

@@ -42,12 +42,13 @@ func TestSecondStages(t *testing.T) {
 		{"", "", "", jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL, math.Exp(-0.25)},
 		{"gaussian", "von-mises", "", jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL, defaultKappa},
 		{"wrapped-cauchy", "", "", jobv1.AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA, math.Exp(-0.25)},
-		{"uniform", "", "green-mira", jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA, math.Exp(-0.25)},
+		{"uniform", "local", "green-mira", jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA, 0},
+		{"gaussian", "local", "", jobv1.AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA, 0},
 		{"", "", "tierney-mira", jobv1.AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA, math.Exp(-0.25)},
 	} {
 		r := job.Request{DelayedRejection: "on", Kernel: c.kernel, SecondStage: c.stage, AcceptanceRule: c.rule}
 		d := delayedRejection(r)
-		if d.AcceptanceRule != c.want || d.Concentration != c.concentration || checkSecondStage(d, kernel(r).Kind) != "" {
+		if d.AcceptanceRule != c.want || d.LocalScale != 0.25 || d.Concentration != c.concentration || checkSecondStage(d, kernel(r).Kind) != "" {
 			t.Errorf("%+v: %v", c, d)
 		}
 	}

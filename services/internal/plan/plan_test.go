@@ -184,6 +184,14 @@ func TestResolvedRoundTripAndRefusals(t *testing.T) {
 			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
 			s.DelayedRejection.AcceptanceRule = 0
 		},
+		"move": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.DelayedRejection.Move = jobv1.SecondMove_SECOND_MOVE_LOCAL
+		},
+		"orbital green-mira": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.DelayedRejection.AcceptanceRule = jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA
+		},
 		"biased": func(s *jobv1.ResolvedSpec) {
 			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
 			s.Kernel.Kind = jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE

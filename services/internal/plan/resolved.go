@@ -159,22 +159,39 @@ func checkKernel(k *jobv1.Kernel) string {
 }
 
 func checkSecondStage(d *jobv1.DelayedRejection, kernel jobv1.KernelKind) string {
-	isotropic := kernel == jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR || kernel == jobv1.KernelKind_KERNEL_KIND_GAUSSIAN
+	orbital := d.GetMove() == jobv1.SecondMove_SECOND_MOVE_ORBITAL
 	concentration := d.GetConcentration()
 	switch {
 	case !d.GetEnabled():
 		return ""
-	case d.GetAngleLaw() < 1 || d.GetAngleLaw() > 2:
-		return "angle_law is missing"
+	case d.GetMove() < 1 || d.GetMove() > 2:
+		return "delayed_rejection.move is missing"
 	case d.GetAcceptanceRule() < 1 || d.GetAcceptanceRule() > 3:
 		return "acceptance_rule is missing"
-	case d.GetAcceptanceRule() == jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL && !isotropic:
-		return "acceptance_rule ORBITAL would bias the image after a kernel that is not isotropic in a pair: " +
-			"use TIERNEY_MIRA or GREEN_MIRA, or kernel KELEMEN_PAIR or GAUSSIAN"
+	case !(d.GetLocalScale() > 0 && d.GetLocalScale() <= 1):
+		return "local_scale is outside 0 < local_scale <= 1"
+	case orbital && (d.GetAngleLaw() < 1 || d.GetAngleLaw() > 2):
+		return "angle_law is missing"
 	case d.GetAngleLaw() == jobv1.AngleLaw_ANGLE_LAW_VON_MISES && !(concentration >= 0 && concentration <= job.MaxKappa):
 		return "concentration is outside 0 <= kappa <= 10000"
 	case d.GetAngleLaw() == jobv1.AngleLaw_ANGLE_LAW_WRAPPED_CAUCHY && !(concentration >= 0 && concentration < 1):
 		return "concentration is outside 0 <= rho < 1"
+	}
+	return checkBalance(d.GetAcceptanceRule(), orbital, kernel)
+}
+
+// checkBalance refuses acceptance rules that would bias the image.
+func checkBalance(rule jobv1.AcceptanceRule, orbital bool, kernel jobv1.KernelKind) string {
+	isotropic := kernel == jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR || kernel == jobv1.KernelKind_KERNEL_KIND_GAUSSIAN
+	switch {
+	case rule == jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL && !orbital:
+		return "acceptance_rule ORBITAL would bias the image after a local move: use TIERNEY_MIRA or GREEN_MIRA"
+	case rule == jobv1.AcceptanceRule_ACCEPTANCE_RULE_ORBITAL && !isotropic:
+		return "acceptance_rule ORBITAL would bias the image after a kernel that is not isotropic in a pair: " +
+			"use TIERNEY_MIRA, or kernel KELEMEN_PAIR or GAUSSIAN"
+	case rule == jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA && orbital:
+		return "acceptance_rule GREEN_MIRA would bias the image where the move depends on the rejected proposal: " +
+			"use ORBITAL or TIERNEY_MIRA, or move LOCAL"
 	}
 	return ""
 }

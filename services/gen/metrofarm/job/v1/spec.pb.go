@@ -262,12 +262,64 @@ func (KernelKind) EnumDescriptor() ([]byte, []int) {
 	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{3}
 }
 
-// Law of the angle by which a second stage turns each pair of the current state around the rejected
-// proposal.
-type AngleLaw int32
+// Where a second stage proposes z, after the proposal y of state x was rejected.
+type SecondMove int32
 
 const (
 	// Not set; refused where the second stage is enabled.
+	SecondMove_SECOND_MOVE_UNSPECIFIED SecondMove = 0
+	// x turned around y by a random angle, pair by pair.
+	SecondMove_SECOND_MOVE_ORBITAL SecondMove = 1
+	// A scaled small step from x that does not depend on y.
+	SecondMove_SECOND_MOVE_LOCAL SecondMove = 2
+)
+
+// Enum value maps for SecondMove.
+var (
+	SecondMove_name = map[int32]string{
+		0: "SECOND_MOVE_UNSPECIFIED",
+		1: "SECOND_MOVE_ORBITAL",
+		2: "SECOND_MOVE_LOCAL",
+	}
+	SecondMove_value = map[string]int32{
+		"SECOND_MOVE_UNSPECIFIED": 0,
+		"SECOND_MOVE_ORBITAL":     1,
+		"SECOND_MOVE_LOCAL":       2,
+	}
+)
+
+func (x SecondMove) Enum() *SecondMove {
+	p := new(SecondMove)
+	*p = x
+	return p
+}
+
+func (x SecondMove) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (SecondMove) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[4].Descriptor()
+}
+
+func (SecondMove) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[4]
+}
+
+func (x SecondMove) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use SecondMove.Descriptor instead.
+func (SecondMove) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{4}
+}
+
+// Law of the angle of an orbital move.
+type AngleLaw int32
+
+const (
+	// Not set; refused for orbital moves.
 	AngleLaw_ANGLE_LAW_UNSPECIFIED AngleLaw = 0
 	// Wrapped Cauchy with mean resultant length rho.
 	AngleLaw_ANGLE_LAW_WRAPPED_CAUCHY AngleLaw = 1
@@ -300,11 +352,11 @@ func (x AngleLaw) String() string {
 }
 
 func (AngleLaw) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[4].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[5].Descriptor()
 }
 
 func (AngleLaw) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[4]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[5]
 }
 
 func (x AngleLaw) Number() protoreflect.EnumNumber {
@@ -313,7 +365,7 @@ func (x AngleLaw) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use AngleLaw.Descriptor instead.
 func (AngleLaw) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{4}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{5}
 }
 
 // How a second stage is accepted.
@@ -323,12 +375,12 @@ const (
 	// Not set; refused where the second stage is enabled.
 	AcceptanceRule_ACCEPTANCE_RULE_UNSPECIFIED AcceptanceRule = 0
 	// 0 if f(z) <= f(y), 1 if f(z) >= f(x), else (f(z) - f(y)) / (f(x) - f(y)): the first stage's
-	// density cancels, so its kernel has to be isotropic in a pair.
+	// density cancels, which takes an orbital move and a kernel that is isotropic in a pair.
 	AcceptanceRule_ACCEPTANCE_RULE_ORBITAL AcceptanceRule = 1
 	// The general rule of Tierney and Mira 1999, with the ratio of the first stage's densities.
 	AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA AcceptanceRule = 2
 	// The rule of Green and Mira 2001: the first stage is reversed from z by a path of its own, which
-	// is a third evaluation.
+	// is a third evaluation. The move must not depend on y.
 	AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA AcceptanceRule = 3
 )
 
@@ -359,11 +411,11 @@ func (x AcceptanceRule) String() string {
 }
 
 func (AcceptanceRule) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[5].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[6].Descriptor()
 }
 
 func (AcceptanceRule) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[5]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[6]
 }
 
 func (x AcceptanceRule) Number() protoreflect.EnumNumber {
@@ -372,7 +424,7 @@ func (x AcceptanceRule) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use AcceptanceRule.Descriptor instead.
 func (AcceptanceRule) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{5}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{6}
 }
 
 // How large steps share in the image.
@@ -413,11 +465,11 @@ func (x LayerWeights) String() string {
 }
 
 func (LayerWeights) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[6].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[7].Descriptor()
 }
 
 func (LayerWeights) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[6]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[7]
 }
 
 func (x LayerWeights) Number() protoreflect.EnumNumber {
@@ -426,7 +478,7 @@ func (x LayerWeights) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use LayerWeights.Descriptor instead.
 func (LayerWeights) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{6}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{7}
 }
 
 // What small steps do to the coordinate that chooses a technique (INTEGRATOR_MMLT). The coordinate
@@ -467,11 +519,11 @@ func (x TechniqueCoordinate) String() string {
 }
 
 func (TechniqueCoordinate) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[7].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[8].Descriptor()
 }
 
 func (TechniqueCoordinate) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[7]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[8]
 }
 
 func (x TechniqueCoordinate) Number() protoreflect.EnumNumber {
@@ -480,7 +532,7 @@ func (x TechniqueCoordinate) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use TechniqueCoordinate.Descriptor instead.
 func (TechniqueCoordinate) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{7}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{8}
 }
 
 // Mutation of primary samples on the unit torus.
@@ -589,17 +641,22 @@ type DelayedRejection struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// False: no second stage; all else is then unset.
 	Enabled bool `protobuf:"varint,1,opt,name=enabled,proto3" json:"enabled,omitempty"`
-	// Law of the angle.
-	AngleLaw AngleLaw `protobuf:"varint,2,opt,name=angle_law,json=angleLaw,proto3,enum=metrofarm.job.v1.AngleLaw" json:"angle_law,omitempty"`
+	// Where z lies after a rejected small step.
+	Move SecondMove `protobuf:"varint,2,opt,name=move,proto3,enum=metrofarm.job.v1.SecondMove" json:"move,omitempty"`
+	// Law of the angle (SECOND_MOVE_ORBITAL).
+	AngleLaw AngleLaw `protobuf:"varint,3,opt,name=angle_law,json=angleLaw,proto3,enum=metrofarm.job.v1.AngleLaw" json:"angle_law,omitempty"`
 	// ANGLE_LAW_WRAPPED_CAUCHY: rho, 0 <= rho < 1. ANGLE_LAW_VON_MISES: kappa, 0 <= kappa <= 10000.
-	Concentration float64 `protobuf:"fixed64,3,opt,name=concentration,proto3" json:"concentration,omitempty"`
-	// How the second stage is accepted. ACCEPTANCE_RULE_ORBITAL only after KERNEL_KIND_KELEMEN_PAIR
-	// and KERNEL_KIND_GAUSSIAN.
-	AcceptanceRule AcceptanceRule `protobuf:"varint,4,opt,name=acceptance_rule,json=acceptanceRule,proto3,enum=metrofarm.job.v1.AcceptanceRule" json:"acceptance_rule,omitempty"`
-	// True: rejected large steps have a second stage too, a small step around the current state.
-	AfterLargeSteps bool `protobuf:"varint,5,opt,name=after_large_steps,json=afterLargeSteps,proto3" json:"after_large_steps,omitempty"`
-	unknownFields   protoimpl.UnknownFields
-	sizeCache       protoimpl.SizeCache
+	Concentration float64 `protobuf:"fixed64,4,opt,name=concentration,proto3" json:"concentration,omitempty"`
+	// How the second stage is accepted. ACCEPTANCE_RULE_ORBITAL only for SECOND_MOVE_ORBITAL after
+	// KERNEL_KIND_KELEMEN_PAIR or KERNEL_KIND_GAUSSIAN, ACCEPTANCE_RULE_GREEN_MIRA only for
+	// SECOND_MOVE_LOCAL.
+	AcceptanceRule AcceptanceRule `protobuf:"varint,5,opt,name=acceptance_rule,json=acceptanceRule,proto3,enum=metrofarm.job.v1.AcceptanceRule" json:"acceptance_rule,omitempty"`
+	// True: rejected large steps have a second stage too, a local move.
+	AfterLargeSteps bool `protobuf:"varint,6,opt,name=after_large_steps,json=afterLargeSteps,proto3" json:"after_large_steps,omitempty"`
+	// Size of local moves relative to the kernel's, 0 < local_scale <= 1.
+	LocalScale    float64 `protobuf:"fixed64,7,opt,name=local_scale,json=localScale,proto3" json:"local_scale,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
 func (x *DelayedRejection) Reset() {
@@ -639,6 +696,13 @@ func (x *DelayedRejection) GetEnabled() bool {
 	return false
 }
 
+func (x *DelayedRejection) GetMove() SecondMove {
+	if x != nil {
+		return x.Move
+	}
+	return SecondMove_SECOND_MOVE_UNSPECIFIED
+}
+
 func (x *DelayedRejection) GetAngleLaw() AngleLaw {
 	if x != nil {
 		return x.AngleLaw
@@ -665,6 +729,13 @@ func (x *DelayedRejection) GetAfterLargeSteps() bool {
 		return x.AfterLargeSteps
 	}
 	return false
+}
+
+func (x *DelayedRejection) GetLocalScale() float64 {
+	if x != nil {
+		return x.LocalScale
+	}
+	return 0
 }
 
 // Everything that decides the image beside the scene.
@@ -1001,13 +1072,16 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x16large_step_probability\x18\x05 \x01(\x01R\x14largeStepProbability\x12\x14\n" +
 	"\x05scale\x18\x06 \x01(\x01R\x05scale\x12\x1d\n" +
 	"\n" +
-	"half_width\x18\a \x01(\x01R\thalfWidth\"\x82\x02\n" +
+	"half_width\x18\a \x01(\x01R\thalfWidth\"\xd5\x02\n" +
 	"\x10DelayedRejection\x12\x18\n" +
-	"\aenabled\x18\x01 \x01(\bR\aenabled\x127\n" +
-	"\tangle_law\x18\x02 \x01(\x0e2\x1a.metrofarm.job.v1.AngleLawR\bangleLaw\x12$\n" +
-	"\rconcentration\x18\x03 \x01(\x01R\rconcentration\x12I\n" +
-	"\x0facceptance_rule\x18\x04 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
-	"\x11after_large_steps\x18\x05 \x01(\bR\x0fafterLargeSteps\"\xd0\a\n" +
+	"\aenabled\x18\x01 \x01(\bR\aenabled\x120\n" +
+	"\x04move\x18\x02 \x01(\x0e2\x1c.metrofarm.job.v1.SecondMoveR\x04move\x127\n" +
+	"\tangle_law\x18\x03 \x01(\x0e2\x1a.metrofarm.job.v1.AngleLawR\bangleLaw\x12$\n" +
+	"\rconcentration\x18\x04 \x01(\x01R\rconcentration\x12I\n" +
+	"\x0facceptance_rule\x18\x05 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
+	"\x11after_large_steps\x18\x06 \x01(\bR\x0fafterLargeSteps\x12\x1f\n" +
+	"\vlocal_scale\x18\a \x01(\x01R\n" +
+	"localScale\"\xd0\a\n" +
 	"\fResolvedSpec\x12<\n" +
 	"\n" +
 	"integrator\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.IntegratorR\n" +
@@ -1067,7 +1141,12 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x14KERNEL_KIND_GAUSSIAN\x10\x02\x12\"\n" +
 	"\x1eKERNEL_KIND_KELEMEN_COORDINATE\x10\x03\x12\x1e\n" +
 	"\x1aKERNEL_KIND_WRAPPED_CAUCHY\x10\x04\x12\x17\n" +
-	"\x13KERNEL_KIND_UNIFORM\x10\x05*\\\n" +
+	"\x13KERNEL_KIND_UNIFORM\x10\x05*Y\n" +
+	"\n" +
+	"SecondMove\x12\x1b\n" +
+	"\x17SECOND_MOVE_UNSPECIFIED\x10\x00\x12\x17\n" +
+	"\x13SECOND_MOVE_ORBITAL\x10\x01\x12\x15\n" +
+	"\x11SECOND_MOVE_LOCAL\x10\x02*\\\n" +
 	"\bAngleLaw\x12\x19\n" +
 	"\x15ANGLE_LAW_UNSPECIFIED\x10\x00\x12\x1c\n" +
 	"\x18ANGLE_LAW_WRAPPED_CAUCHY\x10\x01\x12\x17\n" +
@@ -1098,39 +1177,41 @@ func file_metrofarm_job_v1_spec_proto_rawDescGZIP() []byte {
 	return file_metrofarm_job_v1_spec_proto_rawDescData
 }
 
-var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 8)
+var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 9)
 var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 4)
 var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(Integrator)(0),          // 0: metrofarm.job.v1.Integrator
 	(Under)(0),               // 1: metrofarm.job.v1.Under
 	(LightSampling)(0),       // 2: metrofarm.job.v1.LightSampling
 	(KernelKind)(0),          // 3: metrofarm.job.v1.KernelKind
-	(AngleLaw)(0),            // 4: metrofarm.job.v1.AngleLaw
-	(AcceptanceRule)(0),      // 5: metrofarm.job.v1.AcceptanceRule
-	(LayerWeights)(0),        // 6: metrofarm.job.v1.LayerWeights
-	(TechniqueCoordinate)(0), // 7: metrofarm.job.v1.TechniqueCoordinate
-	(*Kernel)(nil),           // 8: metrofarm.job.v1.Kernel
-	(*DelayedRejection)(nil), // 9: metrofarm.job.v1.DelayedRejection
-	(*ResolvedSpec)(nil),     // 10: metrofarm.job.v1.ResolvedSpec
-	(*AutoDecision)(nil),     // 11: metrofarm.job.v1.AutoDecision
+	(SecondMove)(0),          // 4: metrofarm.job.v1.SecondMove
+	(AngleLaw)(0),            // 5: metrofarm.job.v1.AngleLaw
+	(AcceptanceRule)(0),      // 6: metrofarm.job.v1.AcceptanceRule
+	(LayerWeights)(0),        // 7: metrofarm.job.v1.LayerWeights
+	(TechniqueCoordinate)(0), // 8: metrofarm.job.v1.TechniqueCoordinate
+	(*Kernel)(nil),           // 9: metrofarm.job.v1.Kernel
+	(*DelayedRejection)(nil), // 10: metrofarm.job.v1.DelayedRejection
+	(*ResolvedSpec)(nil),     // 11: metrofarm.job.v1.ResolvedSpec
+	(*AutoDecision)(nil),     // 12: metrofarm.job.v1.AutoDecision
 }
 var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	3,  // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
-	4,  // 1: metrofarm.job.v1.DelayedRejection.angle_law:type_name -> metrofarm.job.v1.AngleLaw
-	5,  // 2: metrofarm.job.v1.DelayedRejection.acceptance_rule:type_name -> metrofarm.job.v1.AcceptanceRule
-	0,  // 3: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
-	2,  // 4: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
-	8,  // 5: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
-	1,  // 6: metrofarm.job.v1.ResolvedSpec.under:type_name -> metrofarm.job.v1.Under
-	9,  // 7: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
-	6,  // 8: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
-	7,  // 9: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
-	11, // 10: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
-	11, // [11:11] is the sub-list for method output_type
-	11, // [11:11] is the sub-list for method input_type
-	11, // [11:11] is the sub-list for extension type_name
-	11, // [11:11] is the sub-list for extension extendee
-	0,  // [0:11] is the sub-list for field type_name
+	4,  // 1: metrofarm.job.v1.DelayedRejection.move:type_name -> metrofarm.job.v1.SecondMove
+	5,  // 2: metrofarm.job.v1.DelayedRejection.angle_law:type_name -> metrofarm.job.v1.AngleLaw
+	6,  // 3: metrofarm.job.v1.DelayedRejection.acceptance_rule:type_name -> metrofarm.job.v1.AcceptanceRule
+	0,  // 4: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
+	2,  // 5: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
+	9,  // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
+	1,  // 7: metrofarm.job.v1.ResolvedSpec.under:type_name -> metrofarm.job.v1.Under
+	10, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
+	7,  // 9: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
+	8,  // 10: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
+	12, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
+	12, // [12:12] is the sub-list for method output_type
+	12, // [12:12] is the sub-list for method input_type
+	12, // [12:12] is the sub-list for extension type_name
+	12, // [12:12] is the sub-list for extension extendee
+	0,  // [0:12] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_job_v1_spec_proto_init() }
@@ -1143,7 +1224,7 @@ func file_metrofarm_job_v1_spec_proto_init() {
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_job_v1_spec_proto_rawDesc), len(file_metrofarm_job_v1_spec_proto_rawDesc)),
-			NumEnums:      8,
+			NumEnums:      9,
 			NumMessages:   4,
 			NumExtensions: 0,
 			NumServices:   0,
