@@ -63,7 +63,7 @@ func mainOptions() []Option {
 		},
 		{
 			"max_depth", "max-depth", "N", nil, nil,
-			"longest path in edges; -1: no limit (32 with bidirectional tracing); default: the scene's",
+			"longest path in edges; -1: no limit (mmlt: 32); default: the scene's",
 			func(r *Request) any { return &r.MaxDepth },
 		},
 		{"seed", "seed", "N", nil, nil, "another seed, another noise", func(r *Request) any { return &r.Seed }},

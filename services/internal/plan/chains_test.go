@@ -54,7 +54,7 @@ func TestSecondStages(t *testing.T) {
 	}
 }
 
-func TestBidirectionalPathsAreLimited(t *testing.T) {
+func TestMultiplexedPathsAreLimited(t *testing.T) {
 	depth := func(n int) *int { return &n }
 	for _, c := range []struct {
 		scene    int32
@@ -66,21 +66,20 @@ func TestBidirectionalPathsAreLimited(t *testing.T) {
 	} {
 		report := scene(64, 64, "path")
 		report.MaxDepth = c.scene
-		for _, r := range []job.Request{{Integrator: "bdpt"}, {Integrator: "mmlt"}, {Integrator: "pssmlt", Under: "bdpt"}} {
-			r.MaxDepth = c.request
-			spec, warnings, err := Resolve(r, report)
-			if err != nil || spec.MaxDepth != c.want || len(warnings) != c.warnings {
-				t.Errorf("%+v %s: depth %d, warnings %q, error %v", c, r.Integrator, spec.GetMaxDepth(), warnings, err)
-			}
+		spec, warnings, err := Resolve(job.Request{Integrator: "mmlt", MaxDepth: c.request}, report)
+		if err != nil || spec.MaxDepth != c.want || len(warnings) != c.warnings {
+			t.Errorf("%+v: depth %d, warnings %q, error %v", c, spec.GetMaxDepth(), warnings, err)
 		}
 	}
-	_, _, err := Resolve(job.Request{Integrator: "bdpt", MaxDepth: depth(33)}, scene(64, 64, ""))
+	_, _, err := Resolve(job.Request{Integrator: "mmlt", MaxDepth: depth(33)}, scene(64, 64, ""))
 	var wrong *job.FieldError
 	if !errors.As(err, &wrong) || wrong.Field != "max_depth" {
 		t.Errorf("33 edges: %v", err)
 	}
-	if spec := resolve(t, job.Request{Integrator: "pssmlt"}, scene(64, 64, "")); spec.MaxDepth != -1 {
-		t.Errorf("path tracing is limited to %d edges", spec.MaxDepth)
+	for _, r := range []job.Request{{Integrator: "path"}, {Integrator: "bdpt"}, {Integrator: "pssmlt", Under: "bdpt"}} {
+		if spec := resolve(t, r, scene(64, 64, "")); spec.MaxDepth != -1 {
+			t.Errorf("%s is limited to %d edges", r.Integrator, spec.MaxDepth)
+		}
 	}
 }
 
@@ -93,7 +92,7 @@ func TestUselessOptionsAreTold(t *testing.T) {
 }
 
 func TestLengthsShareTheBootstrapEvenly(t *testing.T) {
-	for depth := 1; depth <= LongestBidirectional; depth++ {
+	for depth := 1; depth <= LongestMultiplexed; depth++ {
 		spec := resolve(t, job.Request{Integrator: "mmlt", MaxDepth: &depth, BootstrapSamples: 5000}, scene(64, 64, ""))
 		m := spec.BootstrapSamples
 		if m < 5000 || m%uint64(16*depth) != 0 || m%(2*GroupSize) != 0 || m > 5000+128*uint64(depth) {

@@ -5,8 +5,8 @@
 // Rules of the automatic choices:
 //   - integrator auto is the scene's own where that is bdpt, pssmlt or mmlt; else a pilot decides,
 //     see auto.go;
-//   - size, depth and roulette come from the scene unless the request overrides them; bidirectional
-//     tracing takes paths of up to 32 edges;
+//   - size, depth and roulette come from the scene unless the request overrides them; mmlt takes
+//     paths of up to 32 edges;
 //   - light sampling is mis, chains run over path tracing; the kernel is kelemen with radii 1.9/1024
 //     to 1.9/64, large steps 0.3; no second stage; two-layer weights; techniques are frozen;
 //   - chain groups: one per 2048 pixels, rounded up to a multiple of 16, within 16..256;
@@ -40,9 +40,9 @@ const (
 	bootstrapPerPix = 4
 	seedsPerChain   = 32
 	pathUnitFactor  = 256
-	// LongestBidirectional is the number of edges of the longest path of bidirectional tracing.
-	LongestBidirectional = 32
-	maxPixels            = 1 << 26
+	// LongestMultiplexed is the number of edges of the longest path of mmlt.
+	LongestMultiplexed = 32
+	maxPixels          = 1 << 26
 )
 
 // Resolve makes every choice but the film unit, the path lengths' probabilities and the worker
@@ -114,29 +114,29 @@ func checkSize(spec *jobv1.ResolvedSpec) error {
 	return nil
 }
 
-// setDepth limits paths: bidirectional tracing weighs every technique of the longest.
+// setDepth limits the paths of mmlt: each length takes a share of the bootstrap.
 func setDepth(spec *jobv1.ResolvedSpec, r job.Request) ([]string, error) {
 	if r.MaxDepth != nil {
 		spec.MaxDepth = int32(*r.MaxDepth)
 	}
 	asked := spec.MaxDepth
 	switch {
-	case !Bidirectional(spec) || asked >= 1 && asked <= LongestBidirectional:
+	case !Multiplexed(spec) || asked >= 1 && asked <= LongestMultiplexed:
 		return nil, nil
-	case r.MaxDepth != nil && asked > LongestBidirectional:
+	case r.MaxDepth != nil && asked > LongestMultiplexed:
 		return nil, &job.FieldError{
 			Field:  "max_depth",
-			Detail: fmt.Sprintf("is %d; bidirectional tracing takes 1..%d edges", asked, LongestBidirectional),
+			Detail: fmt.Sprintf("is %d; mmlt takes 1..%d edges", asked, LongestMultiplexed),
 		}
 	case asked == 0:
 		spec.MaxDepth = 1 // paths of no edge carry nothing either
 		return nil, nil
 	}
-	spec.MaxDepth = LongestBidirectional
+	spec.MaxDepth = LongestMultiplexed
 	if asked == -1 {
 		return nil, nil
 	}
-	return []string{fmt.Sprintf("max_depth is %d instead of the scene's %d: bidirectional tracing takes no longer paths", LongestBidirectional, asked)}, nil
+	return []string{fmt.Sprintf("max_depth is %d instead of the scene's %d: mmlt takes no longer paths", LongestMultiplexed, asked)}, nil
 }
 
 func setSegments(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) {

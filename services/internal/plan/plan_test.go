@@ -179,7 +179,9 @@ func TestResolvedRoundTripAndRefusals(t *testing.T) {
 		"kernel":     func(s *jobv1.ResolvedSpec) { s.Kernel.S1 = s.Kernel.S2 },
 		"under":      func(s *jobv1.ResolvedSpec) { s.Under = 0 },
 		"weights":    func(s *jobv1.ResolvedSpec) { s.LayerWeights = 0 },
-		"long paths": func(s *jobv1.ResolvedSpec) { s.Under = jobv1.Under_UNDER_BDPT },
+		"techniques": func(s *jobv1.ResolvedSpec) {
+			s.Under, s.LightSampling = jobv1.Under_UNDER_BDPT, jobv1.LightSampling_LIGHT_SAMPLING_BSDF
+		},
 		"rule": func(s *jobv1.ResolvedSpec) {
 			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
 			s.DelayedRejection.AcceptanceRule = 0

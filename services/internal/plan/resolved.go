@@ -52,8 +52,8 @@ func checkSpec(s *jobv1.ResolvedSpec) string {
 		return "light_sampling is not mis, but bidirectional tracing has every technique"
 	case s.GetMaxDepth() < -1 || s.GetMaxDepth() == 0 || s.GetRrDepth() < 1:
 		return "max_depth or rr_depth is out of range"
-	case Bidirectional(s) && (s.GetMaxDepth() < 1 || s.GetMaxDepth() > LongestBidirectional):
-		return "max_depth is outside 1..32, which bidirectional tracing takes"
+	case Multiplexed(s) && (s.GetMaxDepth() < 1 || s.GetMaxDepth() > LongestMultiplexed):
+		return "max_depth is outside 1..32, which mmlt takes"
 	case group < 1 || group > 4096:
 		return "group_size is outside 1..4096"
 	case s.GetBootstrapSamples() == 0 || s.GetBootstrapSamples() > maxSpecBootstrap || s.GetBootstrapSamples()%(2*group) != 0:

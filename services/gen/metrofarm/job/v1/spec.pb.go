@@ -745,8 +745,8 @@ type ResolvedSpec struct {
 	Integrator Integrator `protobuf:"varint,1,opt,name=integrator,proto3,enum=metrofarm.job.v1.Integrator" json:"integrator,omitempty"`
 	// How emitters are found.
 	LightSampling LightSampling `protobuf:"varint,2,opt,name=light_sampling,json=lightSampling,proto3,enum=metrofarm.job.v1.LightSampling" json:"light_sampling,omitempty"`
-	// Longest path in edges; -1: no limit (Russian roulette ends paths). With bidirectional tracing
-	// (INTEGRATOR_BDPT, INTEGRATOR_MMLT, UNDER_BDPT) 1 to 32: that many techniques are weighed.
+	// Longest path in edges; -1: no limit (Russian roulette ends paths, beyond 512 edges they are
+	// cut). INTEGRATOR_MMLT: 1 to 32, since each length takes a share of the bootstrap.
 	MaxDepth int32 `protobuf:"varint,3,opt,name=max_depth,json=maxDepth,proto3" json:"max_depth,omitempty"`
 	// First depth (edges) at which Russian roulette may end a path, at least 1.
 	RrDepth int32 `protobuf:"varint,4,opt,name=rr_depth,json=rrDepth,proto3" json:"rr_depth,omitempty"`
