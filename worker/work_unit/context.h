@@ -14,17 +14,28 @@
 
 namespace metrofarm::work_unit {
 
-enum class Integrator { kPath, kPssmlt };
+enum class Integrator { kPath, kPssmlt, kBdpt, kMmlt };
+// What the chains of kPssmlt run over.
+enum class Under { kPath, kBdpt };
+enum class LayerWeights { kTwoLayer, kKelemen };
+// What small steps of kMmlt do to the coordinate that chooses a technique.
+enum class TechniqueCoordinate { kFrozen, kMutated };
 
 // See metrofarm.job.v1.ResolvedSpec.
 struct Spec {
   Integrator integrator = Integrator::kPath;
+  Under under = Under::kPath;
   transport::PathSettings path;
   int width = 0;
   int height = 0;
   uint64_t seed = 0;
   uint64_t bootstrap_samples = 65536;  // both halves together
   metropolis::Kernel kernel;
+  LayerWeights layer_weights = LayerWeights::kTwoLayer;
+  TechniqueCoordinate technique_coordinate = TechniqueCoordinate::kFrozen;
+  // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps; empty while the bootstrap
+  // runs.
+  std::vector<double> length_probabilities;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
 };
@@ -33,6 +44,12 @@ struct Spec {
 inline constexpr int kGroupSize = 64;
 inline constexpr uint64_t kLargestBootstrap = uint64_t{1} << 32;
 inline constexpr int kPacksPerGroup = kGroupSize / kLanes;
+// Edges: each length takes a share of the bootstrap.
+inline constexpr int kLongestMultiplexedPath = 32;
+
+inline bool runs_chains(Integrator i) {
+  return i == Integrator::kPssmlt || i == Integrator::kMmlt;
+}
 
 // What is wrong with a spec, empty if nothing is.
 std::string problem_with(const Spec& spec);
