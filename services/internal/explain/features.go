@@ -58,11 +58,11 @@ func sceneFeatures(scene *scenev1.SceneReport) []Feature {
 	s := scene.GetStructure()
 	return []Feature{
 		either("textures", len(scene.GetTextures()) > 0, listed(scene.GetTextures()), "the scene has none"),
-		either("instances", scene.GetInstances() > 0, fmt.Sprintf("%d placements of groups", scene.GetInstances()), "the scene has none: one level of acceleration"),
+		either("instances", scene.GetInstances() > 0, number(scene.GetInstances(), "placement")+" of groups", "the scene has none: one level of acceleration"),
 		either("alpha and mask choice", s.GetMaskedShapes() > 0,
 			fmt.Sprintf("%d of %d shapes let rays through", s.GetMaskedShapes(), s.GetShapes()), "no material lets rays through"),
 		either("environment tables", s.GetEnvironmentMaps() > 0,
-			fmt.Sprintf("%d environments are images", s.GetEnvironmentMaps()), "no environment is an image"),
+			number(s.GetEnvironmentMaps(), "environment")+" made of an image", "no environment is an image"),
 	}
 }
 
@@ -88,7 +88,7 @@ func directFeature(s *scenev1.Structure) Feature {
 	case s.GetHideEmitters():
 		return Feature{"lights seen directly", skipped, "the scene hides its emitters"}
 	}
-	return Feature{"lights seen directly", used, fmt.Sprintf("%d lights that a ray can hit", s.GetExtendedLights())}
+	return Feature{"lights seen directly", used, number(s.GetExtendedLights(), "light") + " that a ray can hit"}
 }
 
 func hitFeature(spec *jobv1.ResolvedSpec, s *scenev1.Structure) Feature {
@@ -99,7 +99,7 @@ func hitFeature(spec *jobv1.ResolvedSpec, s *scenev1.Structure) Feature {
 	case spec.GetLightSampling() == jobv1.LightSampling_LIGHT_SAMPLING_EMITTER:
 		return Feature{name, used, "only after scattering in one direction: light_sampling is emitter"}
 	}
-	return Feature{name, used, fmt.Sprintf("%d lights that a ray can hit", s.GetExtendedLights())}
+	return Feature{name, used, number(s.GetExtendedLights(), "light") + " that a ray can hit"}
 }
 
 func lightSamplingFeature(spec *jobv1.ResolvedSpec, s *scenev1.Structure, connectable bool) Feature {
@@ -109,13 +109,13 @@ func lightSamplingFeature(spec *jobv1.ResolvedSpec, s *scenev1.Structure, connec
 	case lights == 0:
 		return Feature{name, skipped, "the scene has no light"}
 	case spec.GetLightSampling() == jobv1.LightSampling_LIGHT_SAMPLING_BSDF && s.GetDeltaLights() > 0:
-		return Feature{name, skipped, fmt.Sprintf("light_sampling is bsdf: %d lights without extent stay dark", s.GetDeltaLights())}
+		return Feature{name, skipped, "light_sampling is bsdf, which leaves out " + number(s.GetDeltaLights(), "light") + " without extent"}
 	case spec.GetLightSampling() == jobv1.LightSampling_LIGHT_SAMPLING_BSDF:
 		return Feature{name, skipped, "light_sampling is bsdf"}
 	case !connectable:
 		return Feature{name, skipped, noConnection(spec, s)}
 	}
-	return Feature{name, used, fmt.Sprintf("%d lights", lights)}
+	return Feature{name, used, number(lights, "light")}
 }
 
 // noConnection says why no two vertices can be joined.
@@ -134,7 +134,7 @@ func lightSubpathFeature(spec *jobv1.ResolvedSpec, s *scenev1.Structure) Feature
 	case s.GetExtendedLights()+s.GetDeltaLights() == 0:
 		return Feature{name, skipped, "the scene has no light"}
 	}
-	return Feature{name, used, fmt.Sprintf("%d lights, %d of them at infinity", s.GetExtendedLights()+s.GetDeltaLights(), s.GetDistantLights())}
+	return Feature{name, used, fmt.Sprintf("%s, %d at infinity", number(s.GetExtendedLights()+s.GetDeltaLights(), "light"), s.GetDistantLights())}
 }
 
 func cameraFeature(both, connectable bool, s *scenev1.Structure) Feature {
@@ -195,6 +195,14 @@ func listed(counts map[string]uint32) string {
 		parts = append(parts, fmt.Sprintf("%d %s", counts[kind], kind))
 	}
 	return strings.Join(parts, ", ")
+}
+
+// number is a count with its noun.
+func number(n uint32, noun string) string {
+	if n == 1 {
+		return "1 " + noun
+	}
+	return fmt.Sprintf("%d %ss", n, noun)
 }
 
 func word(enum, prefix string) string {
