@@ -60,6 +60,26 @@ def test_statistics_are_complete(integrator: str, tmp_path: Path) -> None:
         assert 0 < stats["acceptance"]["large"] < stats["acceptance"]["small"] < 1
 
 
+def test_auto_decides_by_counts_and_says_so(tmp_path: Path) -> None:
+    stats = render(tmp_path, "--spp", "16")
+    plan = stats["plan"]
+    assert stats["integrator"] == plan["auto"]["integrator"] == "path"
+    assert plan["auto"]["pilot_samples"] == 16384
+    assert plan["auto"]["top_share"] < 0.1
+    features = {feature["name"]: feature for feature in plan["features"]}
+    assert features["lens"]["state"] == "skipped"
+    assert features["light sampling"]["state"] == "used"
+    assert all(feature["evidence"] for feature in plan["features"])
+
+    resolved = tmp_path / "resolved.json"
+    resolved.write_text(json.dumps(stats["resolved_spec"]))
+    repeated = render(tmp_path, "--resolved", str(resolved), "--spp", "16")
+    assert repeated["film_sha256"] == stats["film_sha256"]
+    assert repeated["path_evaluations"] == repeated["mutations"], "the pilot ran again"
+    asked = render(tmp_path, "--integrator", "path", "--spp", "16")
+    assert asked["film_sha256"] == stats["film_sha256"]
+
+
 @pytest.mark.parametrize("integrator", BUDGETS)
 def test_images_repeat(integrator: str, tmp_path: Path) -> None:
     flags = ["--integrator", integrator]

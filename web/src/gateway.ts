@@ -1,8 +1,8 @@
 // The only file that talks to the coordinator.
 
-import type { Job, JobEvent, Point, Worker } from './model'
-import { toEvent, toJob, toPoint, toWorker } from './model'
-import type { WireEvent, WireJob, WirePoint, WireProblem, WireWorker } from './wire'
+import type { Job, JobEvent, Plan, Point, Worker } from './model'
+import { toEvent, toJob, toPlan, toPoint, toWorker } from './model'
+import type { WireEvent, WireJob, WirePlan, WirePoint, WireProblem, WireWorker } from './wire'
 
 export type Action = 'cancel' | 'pause' | 'resume' | 'finish'
 
@@ -40,6 +40,10 @@ export async function getJob(id: string): Promise<Job> {
 
 export async function getPoints(id: string): Promise<Point[]> {
   return (await get<{ points: WirePoint[] }>(`${jobPath(id)}/convergence`)).points.map(toPoint)
+}
+
+export async function getPlan(id: string): Promise<Plan> {
+  return toPlan(await get<WirePlan>(`${jobPath(id)}/plan`))
 }
 
 export async function listWorkers(): Promise<Worker[]> {

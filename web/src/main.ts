@@ -65,6 +65,7 @@ async function select(id: string): Promise<void> {
   views.showImage(null, '', '')
   take(fresh)
   showCharts()
+  attempt(showPlan)
   // A job that has ended sends nothing new.
   if (!fresh.ended) unfollow = gateway.follow(id, receive, views.showConnection)
 }
@@ -76,6 +77,7 @@ function receive(event: JobEvent): void {
     showCharts()
   }
   if (event.kind === 'state' || event.kind === 'round') attempt(refreshLists)
+  if (event.kind === 'state') attempt(showPlan)
   if (event.job?.ended) {
     unfollow()
     views.showConnection(null)
@@ -92,6 +94,13 @@ function take(fresh: Job): void {
 function showCharts(): void {
   errorChart.show(errorData(points, job?.target ?? null))
   bChart.show(bData(points))
+}
+
+async function showPlan(): Promise<void> {
+  if (selected === null) return
+  const id = selected
+  const plan = await gateway.getPlan(id)
+  if (selected === id) views.showPlan(plan)
 }
 
 async function showImage(): Promise<void> {

@@ -8,6 +8,7 @@ import {
   percentOf,
   toEvent,
   toJob,
+  toPlan,
   toPoint,
   toWorker,
 } from './model'
@@ -161,4 +162,22 @@ it('toWorker tells what a worker does', () => {
 it('metric and duration', () => {
   expect([0, 999, 999.7, 12_345, 5e15].map(metric)).toEqual(['0', '999', '1 k', '12.3 k', '5000 T'])
   expect([0.2, 59.5, 3725].map(duration)).toEqual(['1 s', '1 min 00 s', '1 h 02 min'])
+})
+
+describe('toPlan', () => {
+  it('tells used features from skipped ones', () => {
+    const feature = { name: 'lens', state: 'skipped', evidence: 'a pinhole' }
+    expect(toPlan({ features: [feature, { ...feature, state: 'used' }] })).toEqual({
+      features: [
+        { name: 'lens', used: false, evidence: 'a pinhole' },
+        { name: 'lens', used: true, evidence: 'a pinhole' },
+      ],
+      auto: null,
+    })
+  })
+
+  it('says what auto chose', () => {
+    const plan = toPlan({ features: [], auto: { integrator: 'pssmlt', reason: 'sparks' } })
+    expect(plan.auto).toBe('auto chose pssmlt: sparks')
+  })
 })

@@ -1,6 +1,6 @@
 // What the page shows, and how it follows from what the coordinator sends. Pure.
 
-import type { WireEvent, WireJob, WirePoint, WireWorker } from './wire'
+import type { WireEvent, WireJob, WirePlan, WirePoint, WireWorker } from './wire'
 
 export interface Estimate {
   value: number
@@ -37,6 +37,18 @@ export interface Worker {
   state: string
   threads: number
   detail: string
+}
+
+export interface Feature {
+  name: string
+  used: boolean
+  evidence: string
+}
+
+export interface Plan {
+  features: Feature[]
+  /** What chose the integrator; null where it was asked for. */
+  auto: string | null
 }
 
 export interface JobEvent {
@@ -110,6 +122,11 @@ function factsOf(wire: WireJob): [string, string][] {
     ['b', wire.b > 0 ? withInterval(bOf(wire)) : null],
     ['Large steps accepted', ratio(wire.acceptance.large)],
     ['Small steps accepted', ratio(wire.acceptance.small)],
+    ['Second stages accepted', ratio(wire.acceptance.second)],
+    [
+      'Coordinates per mutation',
+      wire.coordinates_per_mutation ? short(wire.coordinates_per_mutation) : null,
+    ],
     ['Mutations', metric(wire.mutations)],
     [
       'Mutations per second',
@@ -148,6 +165,17 @@ export function toPoint(wire: WirePoint): Point {
       high: wire.rel_mse_interval.high,
     },
     b: bOf(wire),
+  }
+}
+
+export function toPlan(wire: WirePlan): Plan {
+  return {
+    features: wire.features.map(({ name, state, evidence }) => ({
+      name,
+      used: state === 'used',
+      evidence,
+    })),
+    auto: wire.auto ? `auto chose ${wire.auto.integrator}: ${wire.auto.reason}` : null,
   }
 }
 

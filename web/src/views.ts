@@ -1,6 +1,6 @@
 // Shows data in the page's elements. Views receive data and hold none.
 
-import type { Job, Worker } from './model'
+import type { Job, Plan, Worker } from './model'
 import { duration } from './model'
 
 export function element(id: string): HTMLElement {
@@ -89,6 +89,24 @@ export function showJob(job: Job | null): void {
 function showFacts(facts: readonly [string, string][]): void {
   element('facts').replaceChildren(
     ...facts.map(([name, text]) => make('div', '', make('dt', '', name), make('dd', '', text))),
+  )
+}
+
+export function showPlan(plan: Plan): void {
+  element('plan').hidden = plan.features.length === 0
+  const auto = element('auto')
+  auto.textContent = plan.auto ?? ''
+  auto.hidden = plan.auto === null
+  element('features').replaceChildren(
+    ...plan.features.map((feature) =>
+      make(
+        'tr',
+        feature.used ? 'used' : 'skipped',
+        make('td', '', feature.name),
+        make('td', '', feature.used ? 'used' : 'skipped'),
+        make('td', '', feature.evidence),
+      ),
+    ),
   )
 }
 

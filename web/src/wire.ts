@@ -37,7 +37,8 @@ export interface WireJob {
   b_standard_error: number
   rel_mse?: number
   rel_mse_interval?: WireInterval
-  acceptance: { large?: number; small?: number }
+  acceptance: { large?: number; small?: number; second?: number }
+  coordinates_per_mutation?: number
   anomalies: Record<string, number> | null
   film_sha256?: string
   warnings?: string[]
@@ -50,6 +51,11 @@ export interface WirePoint {
   rel_mse_interval: WireInterval
   b: number
   b_standard_error: number
+}
+
+export interface WirePlan {
+  features: { name: string; state: string; evidence: string }[]
+  auto?: { integrator: string; reason: string }
 }
 
 export interface WireEvent {

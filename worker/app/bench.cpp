@@ -4,8 +4,10 @@
 
 #include <chrono>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "base/parallel.h"
 #include "math/rng.h"
@@ -36,22 +38,59 @@ struct Options {
   std::string scene;
   scene_file::LoadOptions load;
   Integrator integrator = Integrator::kPath;
+  work_unit::Under under = work_unit::Under::kPath;
+  transport::LightSampling light_sampling = transport::LightSampling::kMis;
   uint64_t per_pixel = 16;
   uint64_t width = 0, height = 0, threads = 1, seed = 1;
 };
 
+// Sets `into` to the value that the option names, else says what would be right.
+template <class Value>
+std::optional<Error> choose(const Arguments& a, const char* option,
+                            const std::map<std::string, Value>& values, Value& into) {
+  const auto given = a.options.find(option);
+  if (given == a.options.end()) return std::nullopt;
+  const auto found = values.find(given->second.back());
+  if (found != values.end()) {
+    into = found->second;
+    return std::nullopt;
+  }
+  std::string names;
+  for (const auto& [name, value] : values) names += (names.empty() ? "" : ", ") + name;
+  return Error{std::string("--") + option + ": '" + given->second.back() + "' is not one of " +
+               names};
+}
+
+std::optional<Error> read_choices(const Arguments& a, Options& o) {
+  using transport::LightSampling;
+  using work_unit::Under;
+  if (auto problem = choose<Integrator>(a, "integrator",
+                                        {{"path", Integrator::kPath},
+                                         {"pssmlt", Integrator::kPssmlt},
+                                         {"bdpt", Integrator::kBdpt}},
+                                        o.integrator))
+    return problem;
+  if (auto problem =
+          choose<Under>(a, "under", {{"path", Under::kPath}, {"bdpt", Under::kBdpt}}, o.under))
+    return problem;
+  return choose<LightSampling>(a, "light-sampling",
+                               {{"mis", LightSampling::kMis},
+                                {"emitter", LightSampling::kEmitter},
+                                {"bsdf", LightSampling::kBsdf}},
+                               o.light_sampling);
+}
+
 Result<Options> read_options(const std::vector<std::string>& words) {
-  const auto parsed = parse_arguments(
-      words, {"integrator", "per-pixel", "width", "height", "threads", "seed", "set"}, {"lenient"});
+  const auto parsed = parse_arguments(words,
+                                      {"integrator", "under", "light-sampling", "per-pixel",
+                                       "width", "height", "threads", "seed", "set"},
+                                      {"lenient"});
   if (!parsed) return parsed.error();
   const Arguments& a = parsed.value();
   if (a.positional.size() != 1) return Error{"usage: metrofarm-worker bench SCENE [options]"};
   Options o;
   o.scene = a.positional[0];
-  const std::string integrator = a.get("integrator", "path");
-  if (integrator != "path" && integrator != "pssmlt")
-    return Error{"--integrator: '" + integrator + "' is not one of path, pssmlt"};
-  o.integrator = integrator == "path" ? Integrator::kPath : Integrator::kPssmlt;
+  if (auto problem = read_choices(a, o)) return *problem;
   const auto defaults = a.assignments("set");
   if (!defaults) return defaults.error();
   o.load.defaults = defaults.value();
@@ -73,7 +112,8 @@ Result<Options> read_options(const std::vector<std::string>& words) {
 Spec spec_of(const Options& o, const scene::SceneDescription& d) {
   Spec spec;
   spec.integrator = o.integrator;
-  spec.path = {transport::LightSampling::kMis, d.integrator.max_depth, d.integrator.rr_depth,
+  spec.under = o.under;
+  spec.path = {o.light_sampling, d.integrator.max_depth, d.integrator.rr_depth,
                d.integrator.hide_emitters};
   spec.width = o.width > 0 ? static_cast<int>(o.width) : d.film.image_width();
   spec.height = o.height > 0 ? static_cast<int>(o.height) : d.film.image_height();
@@ -210,6 +250,20 @@ double raw_rays_per_second(const Context& context) {
   return double(traced) / (cpu_seconds() - start);
 }
 
+const char* name_of(Integrator integrator) {
+  switch (integrator) {
+    case Integrator::kPath:
+      return "path";
+    case Integrator::kPssmlt:
+      return "pssmlt";
+    case Integrator::kBdpt:
+      return "bdpt";
+    case Integrator::kMmlt:
+      return "mmlt";
+  }
+  return "";
+}
+
 int fail(const Error& error) {
   std::fprintf(stderr, "metrofarm-worker: %s\n", error.to_string().c_str());
   return 1;
@@ -225,18 +279,20 @@ int run_bench(const std::vector<std::string>& words) {
   auto description = scene_file::load_scene(o.scene, o.load);
   if (!description) return fail(description.error());
   Spec spec = spec_of(o, description.value());
+  if (const std::string problem = work_unit::problem_with(spec); !problem.empty())
+    return fail({problem});
   const transport::Scene scene(std::move(description.value()), "avx2");
   const double load_time = wall_seconds() - load_start;
 
   const FlushDenormals flush;
   std::vector<float> values;
-  if (spec.integrator == Integrator::kPssmlt)
+  if (work_unit::runs_chains(spec.integrator))
     spec.unit = bootstrap_mean(Context(scene, spec), o, values);
   if (!(spec.unit > 0)) return fail({"no bootstrap sample found any light"});
   const Context context(scene, spec);
   film::Film film(context.film_shape());
   Figures f;
-  if (spec.integrator == Integrator::kPath) {
+  if (!work_unit::runs_chains(spec.integrator)) {
     f = render_paths(context, o, film);
   } else {
     auto rendered = render_chains(context, o, values, film);
@@ -248,10 +304,10 @@ int run_bench(const std::vector<std::string>& words) {
       "\"wall_seconds\": %.4f, \"samples_per_cpu_second\": %.0f, "
       "\"rays_per_cpu_second\": %.0f, \"raw_rays_per_cpu_second\": %.0f, "
       "\"load_seconds\": %.4f, \"memory_bytes\": %llu}\n",
-      spec.integrator == Integrator::kPath ? "path" : "pssmlt",
-      static_cast<unsigned long long>(f.samples), static_cast<unsigned long long>(f.rays),
-      f.cpu_seconds, f.wall_seconds, double(f.samples) / f.cpu_seconds,
-      double(f.rays) / f.cpu_seconds, raw_rays_per_second(context), load_time,
+      name_of(spec.integrator), static_cast<unsigned long long>(f.samples),
+      static_cast<unsigned long long>(f.rays), f.cpu_seconds, f.wall_seconds,
+      double(f.samples) / f.cpu_seconds, double(f.rays) / f.cpu_seconds,
+      raw_rays_per_second(context), load_time,
       static_cast<unsigned long long>(scene.bytes().total()));
   return 0;
 }

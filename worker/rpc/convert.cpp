@@ -1,41 +1,13 @@
 #include "rpc/convert.h"
 
+#include "rpc/structure.h"
 #include "scene/kinds.h"
 
 namespace metrofarm::rpc {
 
-using job::v1::ResolvedSpec;
 using metrofarm::scene::v1::SceneReport;
-using work_unit::Spec;
 
 namespace {
-
-Result<transport::LightSampling> to_light_sampling(job::v1::LightSampling sampling) {
-  switch (sampling) {
-    case job::v1::LIGHT_SAMPLING_MIS:
-      return transport::LightSampling::kMis;
-    case job::v1::LIGHT_SAMPLING_EMITTER:
-      return transport::LightSampling::kEmitter;
-    case job::v1::LIGHT_SAMPLING_BSDF:
-      return transport::LightSampling::kBsdf;
-    default:
-      return Error{"spec.light_sampling is not one that this worker knows"};
-  }
-}
-
-Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
-  metropolis::Kernel kernel;
-  if (k.kind() == job::v1::KERNEL_KIND_GAUSSIAN) {
-    kernel.kind = metropolis::KernelKind::kGaussian;
-  } else if (k.kind() != job::v1::KERNEL_KIND_KELEMEN_PAIR) {
-    return Error{"spec.kernel.kind is not one that this worker knows"};
-  }
-  kernel.s1 = k.s1();
-  kernel.s2 = k.s2();
-  kernel.sigma = k.sigma();
-  kernel.large_step_probability = k.large_step_probability();
-  return kernel;
-}
 
 metrofarm::scene::v1::Filter filter_of(metrofarm::scene::ReconstructionFilter filter) {
   switch (filter) {
@@ -54,41 +26,6 @@ metrofarm::scene::v1::Filter filter_of(metrofarm::scene::ReconstructionFilter fi
   }
   return metrofarm::scene::v1::FILTER_UNSPECIFIED;
 }
-
-}  // namespace
-
-Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescription& scene) {
-  Spec spec;
-  if (s.integrator() == job::v1::INTEGRATOR_PSSMLT) {
-    spec.integrator = work_unit::Integrator::kPssmlt;
-  } else if (s.integrator() != job::v1::INTEGRATOR_PATH) {
-    return Error{"spec.integrator is not one that this worker knows"};
-  }
-  if (s.group_size() != work_unit::kGroupSize)
-    return Error{"spec.group_size must be " + std::to_string(work_unit::kGroupSize)};
-  const auto sampling = to_light_sampling(s.light_sampling());
-  if (!sampling) return sampling.error();
-  if (spec.integrator == work_unit::Integrator::kPssmlt) {
-    const auto kernel = to_kernel(s.kernel());
-    if (!kernel) return kernel.error();
-    spec.kernel = kernel.value();
-  }
-  spec.path = {sampling.value(), s.max_depth(), s.rr_depth(), scene.integrator.hide_emitters};
-  spec.width = static_cast<int>(std::min(s.width(), 1U << 20));
-  spec.height = static_cast<int>(std::min(s.height(), 1U << 20));
-  spec.seed = s.seed();
-  spec.bootstrap_samples = s.bootstrap_samples();
-  // Not known yet while the bootstrap runs, which does not need it.
-  spec.unit = s.unit() == 0 ? 1 : s.unit();
-  spec.blocks_per_segment = std::max(1U, s.blocks_per_segment());
-  if (const std::string problem = work_unit::problem_with(spec); !problem.empty())
-    return Error{"spec: " + problem};
-  if (!film::Filter::fits(scene.film.filter_radius))
-    return Error{"the film's filter is too wide for this worker", scene.film.where};
-  return spec;
-}
-
-namespace {
 
 // A scene may have any number of lights and of faults; a report that people read has not.
 constexpr int kLightsListed = 1000;
@@ -159,6 +96,7 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   count_elements(d, report);
   list_lights(d, report);
   fill_memory(scene, report);
+  *report.mutable_structure() = structure_of(d);
   report.set_load_seconds(times.load_seconds);
   report.set_build_seconds(times.build_seconds);
   list_warnings(d.warnings, report);
@@ -174,6 +112,11 @@ void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts
   counts.set_large_accepted(c.large_accepted);
   counts.set_small_steps(c.small_steps);
   counts.set_small_accepted(c.small_accepted);
+  counts.set_second_stages(c.second_stages);
+  counts.set_second_accepted(c.second_accepted);
+  counts.set_second_after_large(c.second_after_large);
+  counts.set_second_after_large_accepted(c.second_after_large_accepted);
+  counts.set_coordinates(c.coordinates);
   for (uint64_t n : output.anomalies.counts()) counts.add_anomalies(n);
 }
 

@@ -1,6 +1,7 @@
 #include "work_unit/context.h"
 
 #include <cmath>
+#include <initializer_list>
 
 namespace metrofarm::work_unit {
 namespace {
@@ -12,12 +13,59 @@ std::string problem_with_proposals(const Spec& spec) {
   return problem ? problem->message : "";
 }
 
+constexpr double kSumTolerance = 1e-9;
+
+std::string problem_with_lengths(const Spec& spec) {
+  const std::vector<double>& p = spec.length_probabilities;
+  if (spec.bootstrap_samples % (uint64_t{2} * kLanes * spec.path.max_depth) != 0)
+    return "bootstrap_samples must be a multiple of 16 max_depth";
+  if (p.empty()) return "";
+  if (p.size() != static_cast<size_t>(spec.path.max_depth))
+    return "length_probabilities must have max_depth values";
+  double sum = 0;
+  for (double value : p) {
+    if (!(value >= 0)) return "length_probabilities must not be negative";
+    sum += value;
+  }
+  if (!(std::abs(sum - 1) <= kSumTolerance)) return "length_probabilities must sum to 1";
+  return "";
+}
+
+bool bidirectional(const Spec& spec) {
+  return spec.integrator == Integrator::kBdpt || spec.integrator == Integrator::kMmlt ||
+         (spec.integrator == Integrator::kPssmlt && spec.under == Under::kBdpt);
+}
+
+std::string problem_with_paths(const Spec& spec) {
+  if (spec.path.rr_depth < 1) return "rr_depth must be at least 1";
+  if (spec.path.max_depth < -1) return "max_depth must be -1 or more";
+  if (spec.integrator == Integrator::kMmlt &&
+      (spec.path.max_depth < 1 || spec.path.max_depth > kLongestMultiplexedPath))
+    return "max_depth must lie in 1..32 where the integrator is mmlt";
+  if (bidirectional(spec) && spec.path.light_sampling != transport::LightSampling::kMis)
+    return "light_sampling must be mis with bidirectional tracing, which has every technique";
+  return "";
+}
+
+// The first complaint.
+std::string first_of(std::initializer_list<std::string> problems) {
+  for (const std::string& problem : problems)
+    if (!problem.empty()) return problem;
+  return "";
+}
+
+std::string problem_with_chains(const Spec& spec) {
+  return first_of({problem_with_proposals(spec),
+                   spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
+}
+
 }  // namespace
 
 metropolis::Proposals Spec::proposals() const {
   std::vector<metropolis::FrozenPair> frozen;
   if (integrator == Integrator::kMmlt)
-    frozen.push_back({primary_space::kTechniqueSlot, true, !mutate_technique});
+    frozen.push_back({primary_space::kTechniqueSlot, true,
+                      technique_coordinate == TechniqueCoordinate::kFrozen});
   return {kernel, delayed_rejection, frozen};
 }
 
@@ -25,15 +73,12 @@ std::string problem_with(const Spec& spec) {
   if (spec.width < 1 || spec.width > kLargestFilm || spec.height < 1 || spec.height > kLargestFilm)
     return "width and height must lie in 1..32768";
   if (!(spec.unit > 0 && std::isfinite(spec.unit))) return "unit must be positive and finite";
-  if (spec.path.max_depth < -1) return "max_depth must be -1 or more";
-  if (spec.path.rr_depth < 1) return "rr_depth must be at least 1";
   if (spec.bootstrap_samples == 0 || spec.bootstrap_samples % (uint64_t{2} * kGroupSize) != 0 ||
       spec.bootstrap_samples > kLargestBootstrap)
     return "bootstrap_samples must be an even multiple of 64, at most 2^32";
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
-  if (spec.integrator == Integrator::kMmlt && !(spec.path.max_depth >= 1))
-    return "max_depth must be at least 1 where the integrator is mmlt";
-  return runs_chains(spec.integrator) ? problem_with_proposals(spec) : "";
+  if (std::string problem = problem_with_paths(spec); !problem.empty()) return problem;
+  return runs_chains(spec.integrator) ? problem_with_chains(spec) : "";
 }
 
 Context::Context(const transport::Scene& scene, const Spec& spec)

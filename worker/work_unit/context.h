@@ -20,6 +20,8 @@ namespace metrofarm::work_unit {
 enum class Integrator { kPath, kPssmlt, kBdpt, kMmlt };
 // What the chains of kPssmlt run over.
 enum class Under { kPath, kBdpt };
+// What small steps of kMmlt do to the coordinate that chooses a technique.
+enum class TechniqueCoordinate { kFrozen, kMutated };
 
 // See metrofarm.job.v1.ResolvedSpec.
 struct Spec {
@@ -31,12 +33,12 @@ struct Spec {
   uint64_t seed = 0;
   uint64_t bootstrap_samples = 65536;  // both halves together
   metropolis::Kernel kernel;
-  // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps.
-  std::vector<double> length_probabilities;
-  // kMmlt: small steps keep a path's length, and its technique unless that is to be mutated.
-  bool mutate_technique = false;
   metropolis::DelayedRejection delayed_rejection;
   metropolis::LayerWeights layer_weights = metropolis::LayerWeights::kTwoLayer;
+  TechniqueCoordinate technique_coordinate = TechniqueCoordinate::kFrozen;
+  // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps, which alone change the
+  // length; empty while the bootstrap runs.
+  std::vector<double> length_probabilities;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
 
@@ -47,6 +49,8 @@ struct Spec {
 inline constexpr int kGroupSize = 64;
 inline constexpr uint64_t kLargestBootstrap = uint64_t{1} << 32;
 inline constexpr int kPacksPerGroup = kGroupSize / kLanes;
+// Edges: each length takes a share of the bootstrap.
+inline constexpr int kLongestMultiplexedPath = 32;
 
 inline bool runs_chains(Integrator i) {
   return i == Integrator::kPssmlt || i == Integrator::kMmlt;

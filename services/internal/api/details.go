@@ -5,6 +5,7 @@ import (
 	"context"
 	"encoding/csv"
 	"encoding/json"
+	"errors"
 	"fmt"
 	"net/http"
 	"reflect"
@@ -29,13 +30,14 @@ type rawOutput struct {
 }
 
 type convergenceBody struct {
-	Points []job.ConvergencePoint `json:"points" doc:"One per complete round."`
+	Points  []job.ConvergencePoint `json:"points" doc:"One per complete round."`
+	Lengths []job.Length           `json:"lengths,omitempty" doc:"b by path length, from the bootstrap (mmlt)."`
 }
 
 type planOutput struct {
 	Body struct {
-		Choices  []explain.Choice `json:"choices" doc:"Each value that decides the image, and why."`
-		Resolved json.RawMessage  `json:"resolved,omitempty" doc:"The resolved spec, once known. Its text as resolved of a new job repeats the image."`
+		explain.Plan
+		Resolved json.RawMessage `json:"resolved,omitempty" doc:"The resolved spec, once known. Its text as resolved of a new job repeats the image."`
 	}
 }
 
@@ -89,7 +91,11 @@ func (s *server) convergence(ctx context.Context, input *convergenceInput) (*raw
 	if points == nil {
 		points = []job.ConvergencePoint{}
 	}
-	body, err := json.Marshal(convergenceBody{Points: points})
+	snapshot, err := s.Service.Job(ctx, input.ID)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	body, err := json.Marshal(convergenceBody{Points: points, Lengths: snapshot.Lengths})
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}
@@ -101,13 +107,22 @@ func convergenceCSV(points []job.ConvergencePoint) []byte {
 	w := csv.NewWriter(&buffer)
 	write := func(record ...string) { _ = w.Write(record) } // a buffer does not fail
 	write("round", "mutations", "path_evaluations", "rays", "rel_mse", "rel_mse_low", "rel_mse_high",
-		"b", "b_standard_error", "cpu_seconds", "wall_seconds", "film_sha256")
+		"b", "b_standard_error", "cpu_seconds", "wall_seconds", "film_sha256",
+		"acceptance_large", "acceptance_small", "acceptance_second", "acceptance_second_after_large", "coordinates_per_mutation")
 	count := func(n uint64) string { return strconv.FormatUint(n, 10) }
 	number := func(x float64) string { return strconv.FormatFloat(x, 'g', -1, 64) }
+	ratio := func(x *float64) string {
+		if x == nil {
+			return ""
+		}
+		return number(*x)
+	}
 	for _, p := range points {
 		write(strconv.Itoa(p.Round), count(p.Mutations), count(p.PathEvaluations), count(p.Rays),
 			number(p.RelMSE), number(p.RelMSEInterval.Low), number(p.RelMSEInterval.High),
-			number(p.B), number(p.BStandardError), number(p.CPUSeconds), number(p.WallSeconds), p.FilmSHA256)
+			number(p.B), number(p.BStandardError), number(p.CPUSeconds), number(p.WallSeconds), p.FilmSHA256,
+			ratio(p.Acceptance.Large), ratio(p.Acceptance.Small), ratio(p.Acceptance.Second),
+			ratio(p.Acceptance.SecondAfterLarge), number(p.CoordinatesPerMutation))
 	}
 	w.Flush()
 	return buffer.Bytes()
@@ -119,7 +134,11 @@ func (s *server) plan(ctx context.Context, input *JobPath) (*planOutput, error) 
 		return nil, s.fail(ctx, err)
 	}
 	output := &planOutput{}
-	if output.Body.Choices, err = explain.Choices(snapshot); err != nil {
+	report, err := s.Service.SceneReport(ctx, input.ID)
+	if err != nil && !errors.Is(err, job.ErrNoReport) {
+		return nil, s.fail(ctx, err)
+	}
+	if output.Body.Plan, err = explain.Of(snapshot, report); err != nil {
 		return nil, s.fail(ctx, err)
 	}
 	if snapshot.Resolved != "" {

@@ -94,7 +94,7 @@ func TestConvergencePlanAnomaliesLog(t *testing.T) {
 	f.round(id, 2)
 	csv := f.expect(200, "GET", "/v1/jobs/"+id+"/convergence?format=csv", "")
 	lines := strings.Split(strings.TrimSpace(string(csv.body)), "\n")
-	if len(lines) != 3 || lines[2] != "2,2000,0,0,0.25,0.25,1,0.25,0,0,0,ff" {
+	if len(lines) != 3 || lines[2] != "2,2000,0,0,0.25,0.25,1,0.25,0,0,0,ff,,,,,0" {
 		t.Errorf("CSV %q", lines)
 	}
 	f.farm.Update(id, "anomaly", "2 NaN in emission", func(s *job.Snapshot) {
@@ -106,7 +106,8 @@ func TestConvergencePlanAnomaliesLog(t *testing.T) {
 		t.Errorf("anomalies %s", anomalies)
 	}
 	plan := string(f.expect(200, "GET", "/v1/jobs/"+id+"/plan", "").body)
-	if !strings.Contains(plan, `"value":"path"`) || !strings.Contains(plan, `"resolved":{"integrator"`) {
+	if !strings.Contains(plan, `"value":"path"`) || !strings.Contains(plan, `"resolved":{"integrator"`) ||
+		!strings.Contains(plan, `{"name":"light subpaths","state":"skipped"`) {
 		t.Errorf("plan %s", plan)
 	}
 	log := string(f.expect(200, "GET", "/v1/jobs/"+id+"/log", "").body)

@@ -3,6 +3,7 @@ package api
 import (
 	"context"
 	"net/http"
+	"strings"
 
 	"github.com/danielgtaylor/huma/v2"
 
@@ -66,10 +67,23 @@ func (s *server) registerJobs(api huma.API) {
 }
 
 // relaxRequest makes the stop rules optional in requests: with none, the scene's sample count
-// decides. (They are always present in answers, so the type has no omitempty.)
+// decides. (They are always present in answers, so the type has no omitempty.) It also describes the
+// options, whose words job.Request.Validate checks.
 func relaxRequest(document *huma.OpenAPI) {
-	schema := document.Components.Schemas.Map()["Request"]
+	schemas := document.Components.Schemas.Map()
+	schema := schemas["Request"]
 	schema.Required = []string{"scene", "entry"}
+	for _, option := range job.Options() {
+		owner, name := schema, option.Field
+		if rest, nested := strings.CutPrefix(option.Field, "stop."); nested {
+			owner, name = schemas["StopRules"], rest
+		}
+		property := owner.Properties[name]
+		property.Description = option.Help()
+		if len(option.Choices) > 0 {
+			property.Description += ": " + strings.Join(option.Choices, ", ")
+		}
+	}
 	schema.PrecomputeMessages()
 }
 

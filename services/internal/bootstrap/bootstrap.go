@@ -32,6 +32,23 @@ func (s *Samples) Set(first uint64, values []float32) error {
 	return nil
 }
 
+// Values lists f by index.
+func (s *Samples) Values() []float32 { return s.values }
+
+// packSize samples in a row have one path length.
+const packSize = 8
+
+// Lengths returns the sums of F of each path length, one edge first, of a bootstrap of so many
+// lengths (see ResolvedSpec.bootstrap_samples): every value reported is F times their number. The
+// means add up to b.
+func (s *Samples) Lengths(lengths int) []tally.Sums {
+	sums := make([]tally.Sums, lengths)
+	for i, v := range s.values {
+		sums[i/packSize%lengths].Add(float64(v) / float64(lengths))
+	}
+	return sums
+}
+
 // Half returns the sums of one half, added in index order.
 func (s *Samples) Half(half int) tally.Sums {
 	var sums tally.Sums

@@ -102,3 +102,20 @@ func TestStandardErrorOfABernoulli(t *testing.T) {
 		t.Errorf("mean %v, error %v, want %v", half.Mean(), half.StandardError(), want)
 	}
 }
+
+// TestLengths: of value F n at each sample, the means of F are told apart by length and add up to
+// the mean of all values.
+func TestLengths(t *testing.T) {
+	const lengths = 5
+	s := filled(t, 128*lengths, func(i int) float32 { return lengths * float32(i/8%lengths) })
+	total := 0.0
+	for k, sums := range s.Lengths(lengths) {
+		if sums.Count != 128 || sums.Mean() != float64(k) {
+			t.Errorf("length %d: %+v", k+1, sums)
+		}
+		total += sums.Mean()
+	}
+	if all := (s.Half(0).Mean() + s.Half(1).Mean()) / 2; total != all {
+		t.Errorf("the lengths have %v, the samples %v", total, all)
+	}
+}

@@ -160,21 +160,13 @@ func asUsage(err error) error {
 	if !errors.As(err, &field) {
 		return err
 	}
-	for _, name := range []string{
-		"integrator", "light_sampling", "kernel", "sigma", "large_step_probability", "chains", "max_depth",
-		"width", "height", "seed", "resolved", "name",
-	} {
-		if field.Field == name {
-			return usagef("--%s: %s", strings.ReplaceAll(name, "_", "-"), field.Detail)
+	if field.Field == "resolved" {
+		return usagef("--resolved: %s", field.Detail)
+	}
+	for _, option := range job.Options() {
+		if option.Field == field.Field {
+			return usagef("--%s: %s", option.Flag, field.Detail)
 		}
-	}
-	flags := map[string]string{
-		"bootstrap_samples": "bootstrap", "defaults": "set", "stop.samples_per_pixel": "spp",
-		"stop.mutations_per_pixel": "mutations-per-pixel", "stop.target_error": "target-error",
-		"stop.time_seconds": "time", "stop.rounds": "rounds",
-	}
-	if name, found := flags[field.Field]; found {
-		return usagef("--%s: %s", name, field.Detail)
 	}
 	return usagef("%s", field.Error())
 }

@@ -60,6 +60,9 @@ func (f *flags) parse(arguments []string, low, high int) ([]string, error) {
 	return positional, nil
 }
 
+// helpColumn is how wide the flags are in the help.
+const helpColumn = 34
+
 func (f *flags) help() {
 	fmt.Fprintf(f.env.Stdout, "metrofarm %s %s: %s\n", f.name, commands()[f.name].usage, commands()[f.name].summary)
 	f.VisitAll(func(one *flag.Flag) {
@@ -68,7 +71,13 @@ func (f *flags) help() {
 		if len(one.Name) == 1 {
 			dashes = "-"
 		}
-		fmt.Fprintf(f.env.Stdout, "  %-34s %s\n", strings.TrimSpace(dashes+one.Name+" "+value), usage)
+		usage = strings.TrimPrefix(usage, value+": ")
+		left := strings.TrimSpace(dashes + one.Name + " " + value)
+		if len(left) > helpColumn {
+			fmt.Fprintf(f.env.Stdout, "  %s\n", left)
+			left = ""
+		}
+		fmt.Fprintf(f.env.Stdout, "  %-*s %s\n", helpColumn, left, usage)
 	})
 }
 
@@ -80,47 +89,51 @@ func ignoreHelp(err error) error {
 	return err
 }
 
-// requestFlags are the flags that make up a job.
+// requestFlags are the flags that make up a job: one for each option, and --resolved.
 type requestFlags struct {
 	request      job.Request
 	sets         []string
-	under        string
-	delayed      string
 	resolvedPath string
 }
 
 func (r *requestFlags) register(f *flags) {
-	q := &r.request
-	f.StringVar(&q.Name, "name", "", "name of the job, `NAME`; default: the scene file's, with its folder")
-	f.StringVar(&q.Integrator, "integrator", job.IntegratorAuto, "what produces the samples, `auto|path|pssmlt`; bdpt and mmlt will follow")
-	f.StringVar(&r.under, "under", "path", "what chains run over, `path`; bdpt will follow")
-	f.StringVar(&r.delayed, "delayed-rejection", "auto", "second stage after a rejected small step, `auto|off`; on will follow")
-	f.StringVar(&q.LightSampling, "light-sampling", "", "how emitters are found, `mis|emitter|bsdf`; default mis")
-	f.Uint64Var(&q.Stop.SamplesPerPixel, "spp", 0, "stop after `N` samples per pixel (path)")
-	f.Uint64Var(&q.Stop.MutationsPerPixel, "mutations-per-pixel", 0, "stop after `N` mutations per pixel (pssmlt)")
-	f.Float64Var(&q.Stop.TimeSeconds, "time", 0, "stop after `SECONDS` of rendering, at the end of a round")
-	f.Float64Var(&q.Stop.TargetError, "target-error", 0, "stop when the relative MSE is below `RELMSE`")
-	f.IntVar(&q.Stop.Rounds, "rounds", 0, "stop after exactly `N` rounds")
-	f.Func("max-depth", "longest path in edges, `N`; -1: no limit", r.setMaxDepth)
-	f.Uint64Var(&q.Seed, "seed", 0, "number `N`: another seed, another noise")
-	f.IntVar(&q.Width, "width", 0, "image width in `PIXELS`; default: the scene's")
-	f.IntVar(&q.Height, "height", 0, "image height in `PIXELS`; default: the scene's")
-	f.Func("set", "`NAME=VALUE` of a <default> of the scene; may be repeated", r.set)
-	f.BoolVar(&q.Lenient, "lenient", false, "warn about what is not known in the scene instead of refusing it")
-	f.StringVar(&q.Kernel, "kernel", "", "law of small steps, `kelemen|gaussian` (pssmlt)")
-	f.Float64Var(&q.Sigma, "sigma", 0, "standard deviation `S` of the gaussian kernel")
-	f.Float64Var(&q.LargeStepProbability, "large-step-probability", 0, "`P` of a large step (pssmlt)")
-	f.Uint64Var(&q.Chains, "chains", 0, "at least `N` chains (pssmlt)")
-	f.Uint64Var(&q.BootstrapSamples, "bootstrap", 0, "at least `N` independent samples first")
+	for _, option := range job.Options() {
+		r.registerOption(f, option)
+	}
 	f.StringVar(&r.resolvedPath, "resolved", "", "repeat an image: `SPEC.json`, the resolved_spec of an earlier job")
 }
 
-func (r *requestFlags) setMaxDepth(text string) error {
-	depth, err := strconv.Atoi(text)
+func (r *requestFlags) registerOption(f *flags, option job.Option) {
+	usage := option.Help()
+	if takes := option.Takes(); takes != "" {
+		usage = "`" + takes + "`: " + usage
+	}
+	switch field := option.In(&r.request).(type) {
+	case *string:
+		f.StringVar(field, option.Flag, "", usage)
+	case *float64:
+		f.Float64Var(field, option.Flag, 0, usage)
+	case *uint64:
+		f.Uint64Var(field, option.Flag, 0, usage)
+	case *int:
+		f.IntVar(field, option.Flag, 0, usage)
+	case *bool:
+		f.BoolVar(field, option.Flag, false, usage)
+	case **int:
+		f.Func(option.Flag, usage, func(text string) error { return setNumber(field, text) })
+	case *map[string]string:
+		f.Func(option.Flag, usage, r.set)
+	default:
+		panic(fmt.Sprintf("option %s has a field of type %T", option.Field, field))
+	}
+}
+
+func setNumber(field **int, text string) error {
+	n, err := strconv.Atoi(text)
 	if err != nil {
 		return errors.New("want a whole number")
 	}
-	r.request.MaxDepth = &depth
+	*field = &n
 	return nil
 }
 
@@ -139,21 +152,6 @@ func (r *requestFlags) set(text string) error {
 
 // finish checks what was parsed, before anything is started, and reads the file of --resolved.
 func (r *requestFlags) finish() error {
-	notYet := func(name, value, instead string) error {
-		return usagef("--%s %s is not available yet; use %s", name, value, instead)
-	}
-	switch {
-	case r.request.Integrator == "bdpt" || r.request.Integrator == "mmlt":
-		return notYet("integrator", r.request.Integrator, "auto, path or pssmlt")
-	case r.under == "bdpt":
-		return notYet("under", r.under, "path")
-	case r.under != "path":
-		return usagef("--under: is %q; allowed: path", r.under)
-	case r.delayed == "on":
-		return notYet("delayed-rejection", r.delayed, "auto or off")
-	case r.delayed != "auto" && r.delayed != "off":
-		return usagef("--delayed-rejection: is %q; allowed: auto, off", r.delayed)
-	}
 	if r.resolvedPath != "" {
 		spec, err := os.ReadFile(r.resolvedPath)
 		if err != nil {

@@ -111,10 +111,12 @@ type statistics struct {
 	B               float64           `json:"b"`
 	BStandardError  float64           `json:"b_standard_error"`
 	Acceptance      acceptance        `json:"acceptance"`
+	Coordinates     float64           `json:"coordinates_per_mutation"`
+	Lengths         []job.Length      `json:"lengths,omitempty"`
 	RelMSE          *estimate         `json:"rel_mse_estimate"`
 	Anomalies       map[string]uint64 `json:"anomalies"`
 	FilmSHA256      string            `json:"film_sha256"`
-	Plan            []explain.Choice  `json:"plan"`
+	Plan            explain.Plan      `json:"plan"`
 	ResolvedSpec    json.RawMessage   `json:"resolved_spec"`
 }
 
@@ -123,10 +125,13 @@ type acceptance struct {
 	Large  *float64 `json:"large"`
 	Small  *float64 `json:"small"`
 	Second *float64 `json:"second"`
+	// SecondAfterLarge counts the second stages that follow rejected large steps.
+	SecondAfterLarge *float64 `json:"second_after_large"`
 }
 
-func statisticsOf(s job.Snapshot) (statistics, error) {
-	plan, err := explain.Choices(s)
+// statisticsOf a job; report is its scene report in protobuf JSON.
+func statisticsOf(s job.Snapshot, report string) (statistics, error) {
+	plan, err := explain.Of(s, report)
 	if err != nil {
 		return statistics{}, err
 	}
@@ -135,8 +140,8 @@ func statisticsOf(s job.Snapshot) (statistics, error) {
 		Mutations: s.Mutations, PathEvaluations: s.PathEvaluations, Rays: s.Rays, Rounds: s.RoundsDone,
 		CPUSeconds: s.CPUSeconds, WallSeconds: s.WallSeconds, LoadSeconds: s.LoadSeconds,
 		B: s.B, BStandardError: s.BStandardError,
-		Acceptance: acceptance{Large: s.Acceptance.Large, Small: s.Acceptance.Small},
-		Anomalies:  s.Anomalies, FilmSHA256: s.FilmSHA256, Plan: plan,
+		Acceptance: acceptance(s.Acceptance), Coordinates: s.CoordinatesPerMutation, Lengths: s.Lengths,
+		Anomalies: s.Anomalies, FilmSHA256: s.FilmSHA256, Plan: plan,
 		ResolvedSpec: json.RawMessage(s.Resolved),
 	}
 	if stats.Anomalies == nil {
@@ -154,8 +159,8 @@ func statisticsOf(s job.Snapshot) (statistics, error) {
 	return stats, nil
 }
 
-func writeStatistics(w io.Writer, s job.Snapshot) error {
-	stats, err := statisticsOf(s)
+func writeStatistics(w io.Writer, s job.Snapshot, report string) error {
+	stats, err := statisticsOf(s, report)
 	if err != nil {
 		return err
 	}

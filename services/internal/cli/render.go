@@ -116,16 +116,20 @@ func (r *renderFlags) renderOn(ctx context.Context, env Env, farm Farm, local bu
 	if err != nil {
 		return err
 	}
-	return r.write(image, snapshot)
+	report, err := service.SceneReport(ctx, snapshot.ID)
+	if err != nil {
+		return err
+	}
+	return r.write(image, snapshot, report)
 }
 
-func (r *renderFlags) write(image job.Image, snapshot job.Snapshot) error {
+func (r *renderFlags) write(image job.Image, snapshot job.Snapshot, report string) error {
 	return writeOutputs(
 		output{r.out, func(w io.Writer) error {
 			return exr.Write(w, image, exr.Options{Half: r.half, Variance: true})
 		}},
 		output{r.png, func(w io.Writer) error { return preview.WritePNG(w, image, preview.Auto()) }},
-		output{r.stats, func(w io.Writer) error { return writeStatistics(w, snapshot) }},
+		output{r.stats, func(w io.Writer) error { return writeStatistics(w, snapshot, report) }},
 	)
 }
 

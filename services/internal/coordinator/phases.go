@@ -49,7 +49,7 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 	for i, text := range report.GetWarnings() {
 		report.Warnings[i] = clip(text, maxWarningBytes)
 	}
-	spec, warnings, err := plan.Resolve(r.rec.Request, report)
+	spec, warnings, err := r.plan(report)
 	if err != nil {
 		r.fail(err.Error())
 		return nil
@@ -79,7 +79,7 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 		r.end(job.Done, "the scene was only to be inspected")
 		return nil
 	}
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PATH && spec.GetUnit() > 0 {
+	if !plan.RunsChains(spec) && spec.GetUnit() > 0 {
 		r.startRendering([film.Halves]tally.Sums{}, nil)
 	} else {
 		r.startBootstrap()
@@ -87,6 +87,47 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 	}
 	r.save()
 	return nil
+}
+
+// plan resolves the spec, or says how to find out what to resolve. Requires: mu.
+func (r *run) plan(report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, error) {
+	if r.piloting = plan.NeedsPilot(r.rec.Request, report); r.piloting {
+		spec, err := plan.Pilot(r.rec.Request, report)
+		return spec, nil, err
+	}
+	return plan.Resolve(r.rec.Request, report)
+}
+
+// decide chooses the integrator from the pilot's samples and starts the bootstrap. Requires: mu;
+// all samples are in.
+func (r *run) decide() {
+	values := r.samples.Values()
+	if r.pilot == nil {
+		spec, needed := plan.Seen(r.spec)
+		r.pilot = values
+		if needed {
+			r.spec = spec
+			r.startBootstrap()
+			return
+		}
+	}
+	request := r.rec.Request
+	name, decision := plan.Decide(r.pilot, values, r.report)
+	request.Integrator = name
+	spec, warnings, err := plan.Resolve(request, r.report)
+	if err != nil {
+		r.fail(err.Error())
+		return
+	}
+	spec.WorkerVersion, spec.AutoDecision = r.spec.GetWorkerVersion(), decision
+	r.spec, r.piloting, r.pilot = spec, false, nil
+	for _, text := range warnings {
+		r.warn(text)
+	}
+	r.publish("state", fmt.Sprintf("integrator %s: %s", name, decision.GetReason()), nil)
+	r.clearTasks()
+	r.startBootstrap()
+	r.save()
 }
 
 // sampled takes the values of one bootstrap range. Requires: mu.
@@ -111,7 +152,11 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 		r.extra.BootstrapAnomalies[kind] += n
 	}
 	r.reportAnomalies(result.GetAnomalies())
-	if r.table.Open() == 0 {
+	switch {
+	case r.table.Open() > 0:
+	case r.piloting:
+		r.decide()
+	default:
 		r.finishBootstrap()
 	}
 	return nil
@@ -127,6 +172,11 @@ func (r *run) finishBootstrap() {
 	if warning != "" {
 		r.warn(warning)
 	}
+	var lengths []tally.Sums
+	if plan.Multiplexed(spec) {
+		lengths = r.samples.Lengths(int(spec.GetMaxDepth()))
+		plan.SetLengths(spec, lengths, r.report)
+	}
 	var seeds [][]bootstrap.Seed
 	if plan.Chains(spec) > 0 {
 		seeds = r.samples.Seeds(spec.GetSeed(), int(spec.GetChainGroups()), int(spec.GetGroupSize()))
@@ -138,6 +188,7 @@ func (r *run) finishBootstrap() {
 	}
 	r.samples = nil
 	r.startRendering(halves, seeds)
+	r.state.Lengths = lengths
 	if black {
 		r.clearTasks()
 		r.state.Drop()

@@ -38,7 +38,9 @@ type run struct {
 	report *scenev1.SceneReport
 	spec   *jobv1.ResolvedSpec // replaced, never changed: tasks under way share it
 	// While bootstrapping.
-	samples *bootstrap.Samples
+	samples  *bootstrap.Samples
+	piloting bool      // the samples are those of the pilot that chooses the integrator
+	pilot    []float32 // values of its first pass, while the second runs
 	// While rendering, and after the end until the last checkpoint is written.
 	state     *render.State
 	finishing *round.Decision // the last round is folded, its checkpoint is being written
@@ -104,11 +106,15 @@ func (r *run) startInspection() {
 	r.put(r.id+"/inspect", 0, taskKey{phase: job.Inspecting})
 }
 
-// startBootstrap opens the bootstrap's tasks. Requires: mu; spec is resolved.
+// startBootstrap opens the bootstrap's tasks, or the pilot's. Requires: mu; spec is resolved.
 func (r *run) startBootstrap() {
+	phase := "b"
+	if r.piloting {
+		phase = fmt.Sprintf("pilot%d-", r.spec.GetMaxDepth())
+	}
 	r.samples = bootstrap.NewSamples(r.spec.GetBootstrapSamples())
 	for i, part := range plan.BootstrapRanges(r.spec) {
-		r.put(fmt.Sprintf("%s/b%d", r.id, i), uint64(i), taskKey{phase: job.Bootstrapping, first: part})
+		r.put(fmt.Sprintf("%s/%s%d", r.id, phase, i), uint64(i), taskKey{phase: job.Bootstrapping, first: part})
 	}
 }
 

@@ -8,6 +8,7 @@ import (
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/plan"
+	"metrofarm/services/internal/render"
 	"metrofarm/services/internal/round"
 	"metrofarm/services/internal/tally"
 )
@@ -42,11 +43,11 @@ func (r *run) describeSpec(s *job.Snapshot) {
 	if r.spec == nil {
 		return
 	}
-	s.Integrator = job.IntegratorPath
-	if plan.Chains(r.spec) > 0 {
-		s.Integrator = job.IntegratorPSSMLT
+	s.Width, s.Height = int(r.spec.GetWidth()), int(r.spec.GetHeight())
+	if r.piloting {
+		return
 	}
-	s.Width, s.Height, s.Seed = int(r.spec.GetWidth()), int(r.spec.GetHeight()), r.spec.GetSeed()
+	s.Integrator, s.Seed = plan.IntegratorName(r.spec), r.spec.GetSeed()
 	if r.spec.GetUnit() == 0 {
 		return
 	}
@@ -74,9 +75,9 @@ func (r *run) describeWork(s *job.Snapshot) {
 	s.PathEvaluations += counts.PathEvaluations
 	s.Rays += counts.Rays
 	s.Anomalies = counts.AnomalyMap()
-	s.Acceptance = job.Acceptance{
-		Large: quotient(counts.LargeAccepted, counts.LargeSteps),
-		Small: quotient(counts.SmallAccepted, counts.SmallSteps),
+	s.Acceptance, s.CoordinatesPerMutation = counts.Acceptance(), counts.CoordinatesPerMutation()
+	if r.state != nil {
+		s.Lengths = lengths(r.state, &counts)
 	}
 	if r.rec.State == job.Rendering {
 		s.MutationsPerSecond = r.meter.rate(r.c.options.Now())
@@ -110,12 +111,26 @@ func bootstrapB(halves [film.Halves]tally.Sums) (b, standardError float64) {
 	return all.Mean(), all.StandardError()
 }
 
-func quotient(part, whole uint64) *float64 {
-	if whole == 0 {
-		return nil
+// lengths tells of the paths of each length, none where samples have no length of their own.
+func lengths(state *render.State, counts *tally.Counts) []job.Length {
+	var proposed uint64
+	for _, n := range counts.ProposedByLength {
+		proposed += n
 	}
-	q := float64(part) / float64(whole)
-	return &q
+	var all []job.Length
+	for k, sums := range state.Lengths {
+		edges := k + 1
+		length := job.Length{
+			Edges: edges, B: sums.Mean(), BStandardError: sums.StandardError(),
+			Proposed:   tally.Share(counts.ProposedByLength[edges], proposed),
+			Acceptance: tally.Share(counts.AcceptedByLength[edges], counts.ProposedByLength[edges]),
+		}
+		if p := state.Spec.GetLengthProbabilities(); k < len(p) {
+			length.Probability = p[k]
+		}
+		all = append(all, length)
+	}
+	return all
 }
 
 func (r *run) describePhase(s *job.Snapshot) {

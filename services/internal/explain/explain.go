@@ -32,36 +32,41 @@ type rule struct {
 }
 
 func rules() map[string]rule {
+	asked := func(fields ...string) func(job.Request) bool {
+		return func(r job.Request) bool {
+			return slices.ContainsFunc(job.Options(), func(o job.Option) bool {
+				return slices.Contains(fields, o.Field) && o.Set(&r)
+			})
+		}
+	}
 	return map[string]rule{
 		"integrator": {
 			func(r job.Request) bool { return r.Integrator != "" && r.Integrator != job.IntegratorAuto },
 			"plan", "chosen for the scene",
 		},
+		"under": {asked("under"), "plan", "default"},
 		"light_sampling": {
-			func(r job.Request) bool { return r.LightSampling != "" },
-			"plan", "default: both ways of finding emitters, combined",
+			asked("light_sampling"), "plan", "default: all ways of finding emitters, combined",
 		},
-		"max_depth": {func(r job.Request) bool { return r.MaxDepth != nil }, "scene", "the scene's setting"},
-		"rr_depth":  {nil, "scene", "the scene's setting"},
-		"width":     {func(r job.Request) bool { return r.Width != 0 }, "scene", "the scene's film"},
-		"height":    {func(r job.Request) bool { return r.Height != 0 }, "scene", "the scene's film"},
-		"seed":      {func(r job.Request) bool { return r.Seed != 0 }, "plan", "default"},
-		"bootstrap_samples": {
-			func(r job.Request) bool { return r.BootstrapSamples != 0 },
-			"plan", "default",
-		},
-		"group_size":   {nil, "worker", "chains that the workers' build runs side by side"},
-		"chain_groups": {func(r job.Request) bool { return r.Chains != 0 }, "plan", "default"},
+		"max_depth":         {asked("max_depth"), "scene", "the scene's setting, within what the integrator takes"},
+		"rr_depth":          {nil, "scene", "the scene's setting"},
+		"width":             {asked("width"), "scene", "the scene's film"},
+		"height":            {asked("height"), "scene", "the scene's film"},
+		"seed":              {asked("seed"), "plan", "default"},
+		"bootstrap_samples": {asked("bootstrap_samples"), "plan", "default"},
+		"group_size":        {nil, "worker", "chains that the workers' build runs side by side"},
+		"chain_groups":      {asked("chains"), "plan", "default"},
 		"kernel": {
-			func(r job.Request) bool {
-				return r.Kernel != "" || r.Sigma != 0 || r.LargeStepProbability != 0
-			},
-			"plan", "default",
+			asked("kernel", "sigma", "scale", "half_width", "large_step_probability"), "plan", "default",
 		},
-		"unit":               {nil, "bootstrap", "mean luminance of the first independent samples"},
-		"blocks_per_segment": {nil, "plan", "from the image size"},
-		"round_sizes":        {nil, "plan", "growing rounds; from counts, never from time"},
-		"worker_version":     {nil, "worker", "the version of the worker that inspected the scene"},
+		"delayed_rejection":    {asked("delayed_rejection"), "plan", "default"},
+		"layer_weights":        {asked("layer_weights"), "plan", "default"},
+		"technique_coordinate": {asked("technique_coordinate"), "plan", "default"},
+		"length_probabilities": {nil, "bootstrap", "in proportion to each length's share of b, with a floor"},
+		"unit":                 {nil, "bootstrap", "mean luminance of the first independent samples"},
+		"blocks_per_segment":   {nil, "plan", "from the image size"},
+		"round_sizes":          {nil, "plan", "growing rounds; from counts, never from time"},
+		"worker_version":       {nil, "worker", "the version of the worker that inspected the scene"},
 	}
 }
 
@@ -78,6 +83,9 @@ func Choices(snapshot job.Snapshot) ([]Choice, error) {
 	table := rules()
 	for key, value := range fields {
 		name := snakeCase(key)
+		if name == "auto_decision" {
+			continue // told apart from what decides the image
+		}
 		choices = append(choices, choose(table[name], name, plain(name, value), snapshot.Request))
 	}
 	slices.SortFunc(choices, func(a, b Choice) int { return strings.Compare(a.Name, b.Name) })

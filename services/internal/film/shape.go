@@ -24,7 +24,7 @@ const (
 // Shape is what fixes the number and meaning of a film's values.
 type Shape struct {
 	Width, Height int
-	Layers        int // 2 for PSSMLT (chain weights, large steps), 1 for path tracing
+	Layers        int // 2 for chains (chain weights, large steps), 1 for independent samples
 }
 
 // Validate refuses shapes that no film can have.

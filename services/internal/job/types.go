@@ -24,10 +24,13 @@ const (
 const (
 	IntegratorAuto   = "auto"
 	IntegratorPath   = "path"
+	IntegratorBDPT   = "bdpt"
 	IntegratorPSSMLT = "pssmlt"
+	IntegratorMMLT   = "mmlt"
 )
 
-// Request is what a user asks for. A zero value of an optional field means "choose for me".
+// Request is what a user asks for. A zero value of an optional field means "choose for me"; Options
+// has what each does.
 type Request struct {
 	// Name for people; defaults to the scene file's name.
 	Name string `json:"name,omitempty"`
@@ -40,20 +43,30 @@ type Request struct {
 	// Lenient turns what the importer does not know into warnings.
 	Lenient bool `json:"lenient,omitempty"`
 	// InspectOnly ends the job when a worker has looked at the scene: nothing is rendered.
-	InspectOnly bool `json:"inspect_only,omitempty"`
-	// Integrator is auto, path or pssmlt.
-	Integrator string `json:"integrator,omitempty"`
-	// LightSampling is mis, emitter or bsdf.
+	InspectOnly   bool   `json:"inspect_only,omitempty"`
+	Integrator    string `json:"integrator,omitempty"`
+	Under         string `json:"under,omitempty"`
 	LightSampling string `json:"light_sampling,omitempty"`
-	// Kernel is kelemen or gaussian (pssmlt).
-	Kernel string `json:"kernel,omitempty"`
-	// Sigma of the gaussian kernel, 0 < sigma < 0.25.
-	Sigma float64 `json:"sigma,omitempty"`
-	// LargeStepProbability, 0 < p <= 1 (pssmlt).
+
+	// Chains only. Kernel, with its size, is the law of small steps.
+	Kernel               string  `json:"kernel,omitempty"`
+	Sigma                float64 `json:"sigma,omitempty"`
+	Scale                float64 `json:"scale,omitempty"`
+	HalfWidth            float64 `json:"half_width,omitempty"`
 	LargeStepProbability float64 `json:"large_step_probability,omitempty"`
+	// DelayedRejection, with the five that follow, is the second stage.
+	DelayedRejection    string  `json:"delayed_rejection,omitempty"`
+	SecondStage         string  `json:"second_stage,omitempty"`
+	Concentration       float64 `json:"concentration,omitempty"`
+	AcceptanceRule      string  `json:"acceptance_rule,omitempty"`
+	AfterLargeSteps     bool    `json:"after_large_steps,omitempty"`
+	LocalScale          float64 `json:"local_scale,omitempty"`
+	LayerWeights        string  `json:"layer_weights,omitempty"`
+	TechniqueCoordinate string  `json:"technique_coordinate,omitempty"`
+
 	// BootstrapSamples is rounded up to what the group size asks for.
 	BootstrapSamples uint64 `json:"bootstrap_samples,omitempty"`
-	// Chains is rounded up likewise (pssmlt).
+	// Chains is rounded up likewise.
 	Chains uint64 `json:"chains,omitempty"`
 	// MaxDepth overrides the scene's; -1 has no limit.
 	MaxDepth *int `json:"max_depth,omitempty"`
@@ -104,12 +117,32 @@ type ConvergencePoint struct {
 	CPUSeconds      float64  `json:"cpu_seconds"`
 	WallSeconds     float64  `json:"wall_seconds"`
 	FilmSHA256      string   `json:"film_sha256"`
+	// Chains only.
+	Acceptance             Acceptance `json:"acceptance"`
+	CoordinatesPerMutation float64    `json:"coordinates_per_mutation,omitempty"`
 }
 
 // Acceptance ratios of chain mutations; NaN-free: a kind that never ran is absent.
 type Acceptance struct {
 	Large *float64 `json:"large,omitempty"`
 	Small *float64 `json:"small,omitempty"`
+	// Second stages after rejected small steps, and after rejected large ones.
+	Second           *float64 `json:"second,omitempty"`
+	SecondAfterLarge *float64 `json:"second_after_large,omitempty"`
+}
+
+// Length is what is known about the paths of one length (mmlt).
+type Length struct {
+	// Edges of the paths; 1 sees lights directly.
+	Edges int `json:"edges"`
+	// B is their share of b, from the bootstrap.
+	B              float64 `json:"b"`
+	BStandardError float64 `json:"b_standard_error"`
+	// Probability of a large step to draw the length.
+	Probability float64 `json:"probability"`
+	// Proposed is the share of first-stage proposals with it, Acceptance that of them accepted.
+	Proposed   *float64 `json:"proposed,omitempty"`
+	Acceptance *float64 `json:"acceptance,omitempty"`
 }
 
 // Snapshot is the public view of a job at one moment.
@@ -141,21 +174,25 @@ type Snapshot struct {
 	Progress          float64 `json:"progress"` // 0 to 1, towards the nearest stop rule; 1 only when done
 	ETASeconds        float64 `json:"eta_seconds,omitempty"`
 
-	MutationsPerSecond float64           `json:"mutations_per_second"`
-	Mutations          uint64            `json:"mutations"`
-	PathEvaluations    uint64            `json:"path_evaluations"`
-	Rays               uint64            `json:"rays"`
-	CPUSeconds         float64           `json:"cpu_seconds"`
-	WallSeconds        float64           `json:"wall_seconds"`
-	LoadSeconds        float64           `json:"load_seconds"`
-	B                  float64           `json:"b"`
-	BStandardError     float64           `json:"b_standard_error"`
-	RelMSE             *float64          `json:"rel_mse,omitempty"`
-	RelMSEInterval     *Interval         `json:"rel_mse_interval,omitempty"`
-	Acceptance         Acceptance        `json:"acceptance"`
-	Anomalies          map[string]uint64 `json:"anomalies"`
-	FilmSHA256         string            `json:"film_sha256,omitempty"`
-	Warnings           []string          `json:"warnings,omitempty"`
+	MutationsPerSecond float64    `json:"mutations_per_second"`
+	Mutations          uint64     `json:"mutations"`
+	PathEvaluations    uint64     `json:"path_evaluations"`
+	Rays               uint64     `json:"rays"`
+	CPUSeconds         float64    `json:"cpu_seconds"`
+	WallSeconds        float64    `json:"wall_seconds"`
+	LoadSeconds        float64    `json:"load_seconds"`
+	B                  float64    `json:"b"`
+	BStandardError     float64    `json:"b_standard_error"`
+	RelMSE             *float64   `json:"rel_mse,omitempty"`
+	RelMSEInterval     *Interval  `json:"rel_mse_interval,omitempty"`
+	Acceptance         Acceptance `json:"acceptance"`
+	// CoordinatesPerMutation is how many random numbers a chain's proposals asked for.
+	CoordinatesPerMutation float64 `json:"coordinates_per_mutation,omitempty"`
+	// Lengths of paths (mmlt).
+	Lengths    []Length          `json:"lengths,omitempty"`
+	Anomalies  map[string]uint64 `json:"anomalies"`
+	FilmSHA256 string            `json:"film_sha256,omitempty"`
+	Warnings   []string          `json:"warnings,omitempty"`
 	// Resolved spec in protobuf JSON, once known: submit it as Request.Resolved to repeat the job.
 	Resolved string `json:"resolved,omitempty"`
 }

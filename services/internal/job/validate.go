@@ -4,6 +4,7 @@ import (
 	"fmt"
 	"math"
 	"slices"
+	"strings"
 )
 
 // Limits on requests, generous beside what a farm can render.
@@ -21,7 +22,7 @@ const (
 // Validate checks everything that can be checked without the scene. Its errors are *FieldError.
 func (r *Request) Validate() error {
 	for _, check := range []func() error{
-		r.validateScene, r.validateChoices, r.validateNumbers, r.Stop.validate,
+		r.validateScene, r.validateChoices, r.validateNumbers, r.checkChains, r.Stop.validate,
 	} {
 		if err := check(); err != nil {
 			return err
@@ -45,24 +46,21 @@ func (r *Request) validateScene() error {
 }
 
 func (r *Request) validateChoices() error {
-	choices := []struct {
-		field, value string
-		allowed      []string
-	}{
-		{"integrator", r.Integrator, []string{"", IntegratorAuto, IntegratorPath, IntegratorPSSMLT}},
-		{"light_sampling", r.LightSampling, []string{"", "mis", "emitter", "bsdf"}},
-		{"kernel", r.Kernel, []string{"", "kelemen", "gaussian"}},
-	}
-	for _, c := range choices {
-		if !slices.Contains(c.allowed, c.value) {
-			return invalid(c.field, "is %q; allowed: %q", c.value, c.allowed[1:])
+	for _, o := range Options() {
+		if word, is := o.In(r).(*string); is && len(o.Choices) > 0 && *word != "" && !slices.Contains(o.Choices, *word) {
+			return invalid(o.Field, "is %q; allowed: %q", *word, o.Choices)
 		}
 	}
-	if r.Integrator == IntegratorPath && r.Stop.MutationsPerPixel > 0 {
-		return invalid("stop.mutations_per_pixel", "counts mutations of chains; for path give stop.samples_per_pixel")
+	if r.Integrator == "" || r.Integrator == IntegratorAuto {
+		return nil
 	}
-	if r.Integrator == IntegratorPSSMLT && r.Stop.SamplesPerPixel > 0 {
-		return invalid("stop.samples_per_pixel", "counts samples of plain path tracing; for pssmlt give stop.mutations_per_pixel")
+	for _, o := range Options() {
+		if o.Set(r) && !o.For(r.Integrator) {
+			return invalid(o.Field, "belongs to %s; integrator is %s", strings.Join(o.Integrators, " and "), r.Integrator)
+		}
+	}
+	if r.Under == IntegratorBDPT && r.LightSampling != "" {
+		return invalid("light_sampling", "belongs to path tracing; under bdpt has every technique")
 	}
 	return nil
 }
@@ -73,16 +71,8 @@ func (r *Request) validateNumbers() error {
 		return invalid("width", "is %d, outside 1..%d", r.Width, maxSide)
 	case r.Height < 0 || r.Height > maxSide:
 		return invalid("height", "is %d, outside 1..%d", r.Height, maxSide)
-	case r.Sigma != 0 && !(r.Sigma > 0 && r.Sigma < 0.25):
-		return invalid("sigma", "is %v, outside 0 < sigma < 0.25", r.Sigma)
-	case r.Sigma != 0 && r.Kernel != "gaussian":
-		return invalid("sigma", "belongs to the gaussian kernel")
-	case r.LargeStepProbability != 0 && !(r.LargeStepProbability > 0 && r.LargeStepProbability <= 1):
-		return invalid("large_step_probability", "is %v, outside 0 < p <= 1", r.LargeStepProbability)
 	case r.BootstrapSamples > maxBootstrap:
 		return invalid("bootstrap_samples", "is above %d", maxBootstrap)
-	case r.Chains > maxChains:
-		return invalid("chains", "is above %d", maxChains)
 	case r.MaxDepth != nil && *r.MaxDepth != -1 && (*r.MaxDepth < 1 || *r.MaxDepth > math.MaxInt32):
 		return invalid("max_depth", "is %d; allowed: -1 (no limit) or at least 1", *r.MaxDepth)
 	}

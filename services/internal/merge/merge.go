@@ -96,7 +96,7 @@ type Assembler struct {
 	digest uint64
 }
 
-// NewAssembler checks the header. chainsPerGroup is 0 for path tracing.
+// NewAssembler checks the header. chainsPerGroup is 0 for independent samples.
 func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *farmv1.BatchHeader) (*Assembler, error) {
 	if int64(h.GetTileCount()) > int64(shape.TileCount()) {
 		return nil, fmt.Errorf("%w: %d tiles in a film of %d", ErrMalformed, h.GetTileCount(), shape.TileCount())
@@ -162,6 +162,8 @@ func checkSegment(s *farmv1.SegmentResult, chains int) (Segment, error) {
 	switch {
 	case len(s.GetCounts().GetAnomalies()) > tally.AnomalyKinds:
 		return Segment{}, fmt.Errorf("%d kinds of anomalies", len(s.GetCounts().GetAnomalies()))
+	case max(len(s.GetCounts().GetProposedByLength()), len(s.GetCounts().GetAcceptedByLength())) > tally.MaxLengths:
+		return Segment{}, errors.New("counts of too many path lengths")
 	case len(s.GetState()) > maxStateBytes:
 		return Segment{}, fmt.Errorf("state of %d bytes", len(s.GetState()))
 	case chains > 0 && len(s.GetState()) == 0:

@@ -6,6 +6,7 @@ import (
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/film"
+	"metrofarm/services/internal/job"
 )
 
 const (
@@ -32,22 +33,49 @@ func Cells(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
 	return (int(spec.GetWidth()) + border) * (int(spec.GetHeight()) + border)
 }
 
+// RunsChains tells whether the samples are those of Markov chains, whose film has two layers; else
+// they are independent.
+func RunsChains(spec *jobv1.ResolvedSpec) bool {
+	return spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT || Multiplexed(spec)
+}
+
+// Multiplexed tells whether each sample has one path length and one technique.
+func Multiplexed(spec *jobv1.ResolvedSpec) bool {
+	return spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_MMLT
+}
+
+// Bidirectional tells whether samples have a light subpath.
+func Bidirectional(spec *jobv1.ResolvedSpec) bool {
+	return spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_BDPT || Multiplexed(spec) ||
+		spec.GetUnder() == jobv1.Under_UNDER_BDPT
+}
+
+// IntegratorName of a resolved spec, as requests have it.
+func IntegratorName(spec *jobv1.ResolvedSpec) string {
+	return map[jobv1.Integrator]string{
+		jobv1.Integrator_INTEGRATOR_PATH:   job.IntegratorPath,
+		jobv1.Integrator_INTEGRATOR_BDPT:   job.IntegratorBDPT,
+		jobv1.Integrator_INTEGRATOR_PSSMLT: job.IntegratorPSSMLT,
+		jobv1.Integrator_INTEGRATOR_MMLT:   job.IntegratorMMLT,
+	}[spec.GetIntegrator()]
+}
+
 // Segments is the number of segments in a round over so many film cells, those of a dark half
 // included.
 func Segments(spec *jobv1.ResolvedSpec, cells int) int {
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if RunsChains(spec) {
 		return int(spec.GetChainGroups())
 	}
 	perSegment := CellsPerSegment(spec)
 	return (cells + perSegment - 1) / perSegment
 }
 
-// CellsPerSegment of path tracing; the last segment may have fewer.
+// CellsPerSegment of independent samples; the last segment may have fewer.
 func CellsPerSegment(spec *jobv1.ResolvedSpec) int {
 	return int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
 }
 
-// Chains is the number of Markov chains; 0 for path tracing.
+// Chains is the number of Markov chains; 0 without.
 func Chains(spec *jobv1.ResolvedSpec) int {
 	return int(spec.GetChainGroups()) * int(spec.GetGroupSize())
 }
@@ -55,7 +83,7 @@ func Chains(spec *jobv1.ResolvedSpec) int {
 // Shape of the job's film.
 func Shape(spec *jobv1.ResolvedSpec) film.Shape {
 	layers := 1
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if RunsChains(spec) {
 		layers = 2
 	}
 	return film.Shape{Width: int(spec.GetWidth()), Height: int(spec.GetHeight()), Layers: layers}

@@ -3,19 +3,23 @@
 // only: never on time, threads or workers.
 //
 // Rules of the automatic choices:
-//   - integrator auto is the scene's own where it is path or pssmlt, path otherwise;
-//   - size, depth and roulette come from the scene unless the request overrides them;
-//   - light sampling is mis; the kernel is kelemen with radii 1.9/1024 to 1.9/64, large steps 0.3;
+//   - integrator auto is the scene's own where that is bdpt, pssmlt or mmlt; else a pilot decides,
+//     see auto.go;
+//   - size, depth and roulette come from the scene unless the request overrides them; mmlt takes
+//     paths of up to 32 edges;
+//   - light sampling is mis, chains run over path tracing; the kernel is kelemen with radii 1.9/1024
+//     to 1.9/64, large steps 0.3; no second stage; two-layer weights; techniques are frozen;
 //   - chain groups: one per 2048 pixels, rounded up to a multiple of 16, within 16..256;
-//   - bootstrap: 4 samples per pixel within 65536..2^20, at least 32 per chain; the pilot of path
-//     tracing has 16384;
-//   - the film unit is b (pssmlt) or 256 times the pilot's mean luminance (path);
-//   - rounds grow by 1.25 from one mutation per pixel, at least 16 per chain (pssmlt), or by 1.35
-//     from 4 samples per pixel (path), and are cut so that they sum to the requested count.
+//   - bootstrap: 4 samples per pixel within 65536..2^20, at least 32 per chain; the pilot of
+//     independent samples has 16384; mmlt rounds up so that each length has equally many;
+//   - the film unit is b (chains) or 256 times the pilot's mean luminance (path, bdpt);
+//   - rounds grow by 1.25 from one mutation per pixel, at least 16 per chain (chains), or by 1.35
+//     from 4 samples per pixel (path, bdpt), and are cut so that they sum to the requested count.
 package plan
 
 import (
 	"fmt"
+	"strings"
 
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
@@ -36,21 +40,21 @@ const (
 	bootstrapPerPix = 4
 	seedsPerChain   = 32
 	pathUnitFactor  = 256
-	defaultSigma    = 0.01
-	kelemenS1       = 1.9 / 1024
-	kelemenS2       = 1.9 / 64
-	largeStep       = 0.3
-	maxPixels       = 1 << 26
+	// LongestMultiplexed is the number of edges of the longest path of mmlt.
+	LongestMultiplexed = 32
+	maxPixels          = 1 << 26
 )
 
-// Resolve makes every choice but the film unit and the worker version, which SetUnit and the first
-// lease add. Errors are *job.FieldError.
+// Resolve makes every choice but the film unit, the path lengths' probabilities and the worker
+// version, which SetUnit, SetLengths and the first lease add. Requires: not NeedsPilot. Errors are
+// *job.FieldError.
 func Resolve(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, error) {
 	if r.Resolved != "" {
 		spec, err := ParseResolved(r.Resolved)
 		return spec, nil, err
 	}
 	spec := &jobv1.ResolvedSpec{
+		Integrator:    integrator(chosen(r, report)),
 		LightSampling: lightSampling(r.LightSampling),
 		MaxDepth:      report.GetMaxDepth(),
 		RrDepth:       max(1, report.GetRrDepth()),
@@ -59,60 +63,83 @@ func Resolve(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, [
 		Seed:          r.Seed,
 		GroupSize:     GroupSize,
 	}
+	if err := checkSize(spec); err != nil {
+		return nil, nil, err
+	}
+	var warnings []string
+	if ignored := r.Ignored(IntegratorName(spec)); len(ignored) > 0 {
+		warnings = append(warnings, fmt.Sprintf("%s has no use for %s", IntegratorName(spec), strings.Join(ignored, ", ")))
+	}
+	if RunsChains(spec) {
+		setChains(spec, r)
+	}
+	depthWarnings, err := setDepth(spec, r)
+	if err != nil {
+		return nil, nil, err
+	}
+	if RunsChains(spec) {
+		setSeeds(spec, r)
+	} else {
+		setSegments(spec, r, report)
+	}
+	spec.RoundSizes = roundSizes(spec, requestedCount(spec, r, report))
+	return spec, append(warnings, depthWarnings...), nil
+}
+
+// chosen is the name of the integrator where no pilot has to decide.
+func chosen(r job.Request, report *scenev1.SceneReport) string {
+	if r.Integrator == "" || r.Integrator == job.IntegratorAuto {
+		return report.GetIntegrator()
+	}
+	return r.Integrator
+}
+
+func integrator(name string) jobv1.Integrator {
+	return map[string]jobv1.Integrator{
+		job.IntegratorPath:   jobv1.Integrator_INTEGRATOR_PATH,
+		job.IntegratorBDPT:   jobv1.Integrator_INTEGRATOR_BDPT,
+		job.IntegratorPSSMLT: jobv1.Integrator_INTEGRATOR_PSSMLT,
+		job.IntegratorMMLT:   jobv1.Integrator_INTEGRATOR_MMLT,
+	}[name]
+}
+
+func checkSize(spec *jobv1.ResolvedSpec) error {
+	shape := film.Shape{Width: int(spec.Width), Height: int(spec.Height), Layers: 1}
+	if err := shape.Validate(); err != nil {
+		return &job.FieldError{Field: "width", Detail: err.Error()}
+	}
+	if spec.Width*spec.Height > maxPixels {
+		return &job.FieldError{Field: "width", Detail: fmt.Sprintf("%d x %d has more than %d pixels", spec.Width, spec.Height, maxPixels)}
+	}
+	return nil
+}
+
+// setDepth limits the paths of mmlt: each length takes a share of the bootstrap.
+func setDepth(spec *jobv1.ResolvedSpec, r job.Request) ([]string, error) {
 	if r.MaxDepth != nil {
 		spec.MaxDepth = int32(*r.MaxDepth)
 	}
-	shape := film.Shape{Width: int(spec.Width), Height: int(spec.Height), Layers: 1}
-	if err := shape.Validate(); err != nil {
-		return nil, nil, &job.FieldError{Field: "width", Detail: err.Error()}
-	}
-	if spec.Width*spec.Height > maxPixels {
-		return nil, nil, &job.FieldError{Field: "width", Detail: fmt.Sprintf("%d x %d has more than %d pixels", spec.Width, spec.Height, maxPixels)}
-	}
-	warnings := chooseIntegrator(spec, r, report)
-	if spec.Integrator == jobv1.Integrator_INTEGRATOR_PSSMLT {
-		resolvePSSMLT(spec, r)
-	} else {
-		resolvePath(spec, r, report)
-	}
-	spec.RoundSizes = roundSizes(spec, requestedCount(spec, r, report))
-	return spec, warnings, nil
-}
-
-func chooseIntegrator(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) []string {
-	name, warnings := r.Integrator, []string(nil)
-	if name == "" || name == job.IntegratorAuto {
-		name = report.GetIntegrator()
-		if name != job.IntegratorPath && name != job.IntegratorPSSMLT {
-			warnings = append(warnings, fmt.Sprintf("the scene's integrator %q is not available; path is used", name))
-			name = job.IntegratorPath
+	asked := spec.MaxDepth
+	switch {
+	case !Multiplexed(spec) || asked >= 1 && asked <= LongestMultiplexed:
+		return nil, nil
+	case r.MaxDepth != nil && asked > LongestMultiplexed:
+		return nil, &job.FieldError{
+			Field:  "max_depth",
+			Detail: fmt.Sprintf("is %d; mmlt takes 1..%d edges", asked, LongestMultiplexed),
 		}
+	case asked == 0:
+		spec.MaxDepth = 1 // paths of no edge carry nothing either
+		return nil, nil
 	}
-	spec.Integrator = jobv1.Integrator_INTEGRATOR_PATH
-	if name == job.IntegratorPSSMLT {
-		spec.Integrator = jobv1.Integrator_INTEGRATOR_PSSMLT
+	spec.MaxDepth = LongestMultiplexed
+	if asked == -1 {
+		return nil, nil
 	}
-	return warnings
+	return []string{fmt.Sprintf("max_depth is %d instead of the scene's %d: mmlt takes no longer paths", LongestMultiplexed, asked)}, nil
 }
 
-func resolvePSSMLT(spec *jobv1.ResolvedSpec, r job.Request) {
-	pixels := uint64(spec.Width) * uint64(spec.Height)
-	groups := uint64(roundUp((pixels+pixelsPerGroup-1)/pixelsPerGroup, groupMultiple))
-	groups = min(max(groups, groupMultiple), maxGroups)
-	if r.Chains > 0 {
-		groups = roundUp((r.Chains+GroupSize-1)/GroupSize, groupMultiple)
-	}
-	spec.ChainGroups = uint32(groups)
-	samples := min(max(bootstrapPerPix*pixels, minBootstrap), maxBootstrap)
-	samples = max(samples, seedsPerChain*groups*GroupSize)
-	if r.BootstrapSamples > 0 {
-		samples = r.BootstrapSamples
-	}
-	spec.BootstrapSamples = roundUp(samples, film.Halves*GroupSize)
-	spec.Kernel = kernel(r)
-}
-
-func resolvePath(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) {
+func setSegments(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) {
 	samples := uint64(pilotSamples)
 	if r.BootstrapSamples > 0 {
 		samples = r.BootstrapSamples
@@ -122,37 +149,18 @@ func resolvePath(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneR
 	spec.BlocksPerSegment = uint32(min(max(1, (blocks+targetSegments-1)/targetSegments), maxBlocksPerSegment))
 }
 
-func kernel(r job.Request) *jobv1.Kernel {
-	k := &jobv1.Kernel{
-		Kind: jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR, S1: kelemenS1, S2: kelemenS2,
-		LargeStepProbability: largeStep,
-	}
-	if r.Kernel == "gaussian" {
-		k = &jobv1.Kernel{
-			Kind: jobv1.KernelKind_KERNEL_KIND_GAUSSIAN, Sigma: defaultSigma, LargeStepProbability: largeStep,
-		}
-	}
-	if r.Sigma > 0 {
-		k.Sigma = r.Sigma
-	}
-	if r.LargeStepProbability > 0 {
-		k.LargeStepProbability = r.LargeStepProbability
-	}
-	return k
-}
-
 // SetUnit fixes the film unit from the mean luminance of the bootstrap or pilot, unless the spec
-// has one already (a repeated job). It reports black when a PSSMLT job has nothing to render.
+// has one already (a repeated job). It reports black when chains have nothing to start from.
 func SetUnit(spec *jobv1.ResolvedSpec, mean float64) (warning string, black bool) {
-	pssmlt := spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT
+	chains := RunsChains(spec)
 	switch {
-	case !(mean > 0) && pssmlt:
+	case !(mean > 0) && chains:
 		warning, black = "no bootstrap sample carries light: the image is black", true
 		mean = 1
 	case !(mean > 0):
 		warning = "no pilot sample carries light: the film unit is 1"
 		mean = 1
-	case !pssmlt:
+	case !chains:
 		mean *= pathUnitFactor
 	}
 	if spec.GetUnit() == 0 {

@@ -87,24 +87,28 @@ func TestRoundsGrow(t *testing.T) {
 }
 
 func TestSceneDecidesWhereTheRequestDoesNot(t *testing.T) {
-	spec := resolve(t, job.Request{}, scene(100, 50, "path"))
+	spec := resolve(t, job.Request{Integrator: "path"}, scene(100, 50, ""))
 	if spec.Integrator != jobv1.Integrator_INTEGRATOR_PATH || sum(spec.RoundSizes) != 64 || spec.MaxDepth != -1 ||
 		spec.LightSampling != jobv1.LightSampling_LIGHT_SAMPLING_MIS {
 		t.Errorf("%v", spec)
 	}
-	if spec := resolve(t, job.Request{}, scene(100, 50, "pssmlt")); spec.Integrator != jobv1.Integrator_INTEGRATOR_PSSMLT {
-		t.Errorf("%v", spec)
-	}
-	_, warnings, err := Resolve(job.Request{}, scene(100, 50, "volpath"))
-	if err != nil || len(warnings) != 1 {
-		t.Errorf("warnings %q, error %v", warnings, err)
+	for name, want := range map[string]jobv1.Integrator{
+		"pssmlt": jobv1.Integrator_INTEGRATOR_PSSMLT, "bdpt": jobv1.Integrator_INTEGRATOR_BDPT, "mmlt": jobv1.Integrator_INTEGRATOR_MMLT,
+	} {
+		report := scene(100, 50, name)
+		if NeedsPilot(job.Request{}, report) {
+			t.Errorf("a scene that names %s is measured", name)
+		}
+		if spec := resolve(t, job.Request{Integrator: "auto"}, report); spec.Integrator != want {
+			t.Errorf("%s: %v", name, spec)
+		}
 	}
 }
 
 func TestSegmentsCoverTheCells(t *testing.T) {
 	for _, size := range []uint32{1, 7, 100, 1000} {
 		report := scene(size, size, "path")
-		spec := resolve(t, job.Request{}, report)
+		spec := resolve(t, job.Request{Integrator: "bdpt"}, report)
 		cells := Cells(spec, report)
 		if want := int(size+4) * int(size+4); cells != want {
 			t.Errorf("%d cells, not %d", cells, want)
@@ -173,7 +177,28 @@ func TestResolvedRoundTripAndRefusals(t *testing.T) {
 		"groups":     func(s *jobv1.ResolvedSpec) { s.ChainGroups = 17 },
 		"bootstrap":  func(s *jobv1.ResolvedSpec) { s.BootstrapSamples += 64 },
 		"kernel":     func(s *jobv1.ResolvedSpec) { s.Kernel.S1 = s.Kernel.S2 },
-		"width":      func(s *jobv1.ResolvedSpec) { s.Width = 40000 },
+		"under":      func(s *jobv1.ResolvedSpec) { s.Under = 0 },
+		"weights":    func(s *jobv1.ResolvedSpec) { s.LayerWeights = 0 },
+		"techniques": func(s *jobv1.ResolvedSpec) {
+			s.Under, s.LightSampling = jobv1.Under_UNDER_BDPT, jobv1.LightSampling_LIGHT_SAMPLING_BSDF
+		},
+		"rule": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.DelayedRejection.AcceptanceRule = 0
+		},
+		"move": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.DelayedRejection.Move = jobv1.SecondMove_SECOND_MOVE_LOCAL
+		},
+		"orbital green-mira": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.DelayedRejection.AcceptanceRule = jobv1.AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA
+		},
+		"biased": func(s *jobv1.ResolvedSpec) {
+			s.DelayedRejection = delayedRejection(job.Request{DelayedRejection: "on"})
+			s.Kernel.Kind = jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE
+		},
+		"width": func(s *jobv1.ResolvedSpec) { s.Width = 40000 },
 	} {
 		bad := proto.CloneOf(spec)
 		damage(bad)

@@ -22,7 +22,7 @@ const (
 func requestedCount(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) uint64 {
 	stop := r.Stop
 	perPixel := stop.SamplesPerPixel
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if RunsChains(spec) {
 		perPixel = stop.MutationsPerPixel
 	}
 	if perPixel == 0 {
@@ -31,7 +31,7 @@ func requestedCount(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.Sce
 	if perPixel == 0 && stop.TargetError == 0 && stop.TimeSeconds == 0 && stop.Rounds == 0 {
 		perPixel = uint64(max(1, report.GetSampleCount()))
 	}
-	if spec.GetIntegrator() != jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if !RunsChains(spec) {
 		return perPixel
 	}
 	pixels, chains := uint64(spec.GetWidth())*uint64(spec.GetHeight()), uint64(Chains(spec))
@@ -48,7 +48,7 @@ func ceilMulDiv(a, b, c uint64) uint64 {
 // same on every machine; a limit cuts the last round short.
 func roundSizes(spec *jobv1.ResolvedSpec, limit uint64) []uint64 {
 	first, growth := uint64(firstPathSamples), pathGrowth
-	if spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if RunsChains(spec) {
 		pixels, chains := uint64(spec.GetWidth())*uint64(spec.GetHeight()), uint64(Chains(spec))
 		first, growth = max(minChainMutations, (pixels+chains-1)/chains), chainGrowth
 	}

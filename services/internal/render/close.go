@@ -9,7 +9,6 @@ import (
 	"math"
 	"slices"
 
-	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	"metrofarm/services/internal/convergence"
 	"metrofarm/services/internal/develop"
 	"metrofarm/services/internal/film"
@@ -105,6 +104,9 @@ func (s *State) Evaluate() (job.ConvergencePoint, error) {
 		BStandardError:  standardError,
 		CPUSeconds:      s.Account.CPUSeconds,
 		FilmSHA256:      sha,
+
+		Acceptance:             s.Account.Counts.Acceptance(),
+		CoordinatesPerMutation: s.Account.Counts.CoordinatesPerMutation(),
 	}, nil
 }
 
@@ -130,7 +132,7 @@ func (s *State) writeCanonical(w io.Writer) error {
 		s.Spec.GetSeed(), uint64(s.Closed),
 	}
 	words = append(words, s.Account.Counts.Words()...)
-	if s.Spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT {
+	if s.Chains() {
 		for _, half := range s.Bootstrap {
 			words = appendSums(words, half)
 		}
@@ -140,7 +142,7 @@ func (s *State) writeCanonical(w io.Writer) error {
 			}
 		}
 	}
-	buffer := []byte("metrofarm film 1\n")
+	buffer := []byte("metrofarm film 2\n")
 	for _, word := range words {
 		buffer = binary.LittleEndian.AppendUint64(buffer, word)
 	}

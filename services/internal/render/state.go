@@ -59,6 +59,8 @@ type Progress struct {
 	// Bootstrap of each half, and where the chains start (chains only).
 	Bootstrap [film.Halves]tally.Sums
 	Seeds     [][]bootstrap.Seed
+	// Lengths are the bootstrap's sums of each path length (mmlt).
+	Lengths []tally.Sums
 	// Previous is the ledger of the round closed last: late duplicates are still checked.
 	Previous *round.Ledger
 	// Points of the closed rounds.
@@ -75,7 +77,7 @@ type State struct {
 	expected []bool  // segments of a round
 }
 
-// New starts rendering. seeds are nil for path tracing; for chains a group without seeds belongs to
+// New starts rendering. seeds are nil for independent samples; for chains a group without seeds belongs to
 // a dark half and has no work.
 func New(spec *jobv1.ResolvedSpec, cells int, boot [film.Halves]tally.Sums, seeds [][]bootstrap.Seed) *State {
 	s := &State{
@@ -116,7 +118,7 @@ func (s *State) prepare() {
 }
 
 // Chains tells whether the job runs Markov chains.
-func (s *State) Chains() bool { return s.Spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT }
+func (s *State) Chains() bool { return plan.RunsChains(s.Spec) }
 
 // Expected tells which segments a round has.
 func (s *State) Expected() []bool { return s.expected }

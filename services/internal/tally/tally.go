@@ -6,6 +6,7 @@ import (
 	"math"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
+	"metrofarm/services/internal/job"
 )
 
 // AnomalyKinds is the number of AnomalyKind values, the unused 0 included.
@@ -19,18 +20,33 @@ type Counts struct {
 	Mutations, PathEvaluations, Rays uint64
 	LargeSteps, LargeAccepted        uint64
 	SmallSteps, SmallAccepted        uint64
-	Anomalies                        [AnomalyKinds]uint64
+	// Second stages after rejected small and large steps.
+	SecondStages, SecondAccepted               uint64
+	SecondAfterLarge, SecondAfterLargeAccepted uint64
+	// Coordinates that proposals asked for.
+	Coordinates uint64
+	Anomalies   [AnomalyKinds]uint64
+	// First-stage proposals by path length in edges, and those accepted.
+	ProposedByLength, AcceptedByLength [MaxLengths]uint64
 }
 
-// FromProto converts a segment's counts. Anomaly kinds that this version does not know are dropped
-// by the caller's validation before.
+// MaxLengths is the number of path lengths that counts tell apart, the unused 0 included.
+const MaxLengths = 33
+
+// FromProto converts a segment's counts. Anomaly kinds and path lengths that this version does not
+// know are refused by the caller's validation before.
 func FromProto(p *farmv1.SegmentCounts) Counts {
 	c := Counts{
 		Mutations: p.GetMutations(), PathEvaluations: p.GetPathEvaluations(), Rays: p.GetRays(),
 		LargeSteps: p.GetLargeSteps(), LargeAccepted: p.GetLargeAccepted(),
 		SmallSteps: p.GetSmallSteps(), SmallAccepted: p.GetSmallAccepted(),
+		SecondStages: p.GetSecondStages(), SecondAccepted: p.GetSecondAccepted(),
+		SecondAfterLarge: p.GetSecondAfterLarge(), SecondAfterLargeAccepted: p.GetSecondAfterLargeAccepted(),
+		Coordinates: p.GetCoordinates(),
 	}
 	copy(c.Anomalies[:], p.GetAnomalies())
+	copy(c.ProposedByLength[:], p.GetProposedByLength())
+	copy(c.AcceptedByLength[:], p.GetAcceptedByLength())
 	return c
 }
 
@@ -43,8 +59,17 @@ func (c *Counts) Add(d Counts) {
 	c.LargeAccepted += d.LargeAccepted
 	c.SmallSteps += d.SmallSteps
 	c.SmallAccepted += d.SmallAccepted
+	c.SecondStages += d.SecondStages
+	c.SecondAccepted += d.SecondAccepted
+	c.SecondAfterLarge += d.SecondAfterLarge
+	c.SecondAfterLargeAccepted += d.SecondAfterLargeAccepted
+	c.Coordinates += d.Coordinates
 	for i, n := range d.Anomalies {
 		c.Anomalies[i] += n
+	}
+	for i := range MaxLengths {
+		c.ProposedByLength[i] += d.ProposedByLength[i]
+		c.AcceptedByLength[i] += d.AcceptedByLength[i]
 	}
 }
 
@@ -53,8 +78,37 @@ func (c *Counts) Words() []uint64 {
 	words := []uint64{
 		c.Mutations, c.PathEvaluations, c.Rays,
 		c.LargeSteps, c.LargeAccepted, c.SmallSteps, c.SmallAccepted,
+		c.SecondStages, c.SecondAccepted, c.SecondAfterLarge, c.SecondAfterLargeAccepted, c.Coordinates,
 	}
-	return append(words, c.Anomalies[:]...)
+	words = append(words, c.Anomalies[:]...)
+	words = append(words, c.ProposedByLength[:]...)
+	return append(words, c.AcceptedByLength[:]...)
+}
+
+// Acceptance returns the share of proposals that were accepted, by kind.
+func (c *Counts) Acceptance() job.Acceptance {
+	return job.Acceptance{
+		Large: Share(c.LargeAccepted, c.LargeSteps), Small: Share(c.SmallAccepted, c.SmallSteps),
+		Second:           Share(c.SecondAccepted, c.SecondStages),
+		SecondAfterLarge: Share(c.SecondAfterLargeAccepted, c.SecondAfterLarge),
+	}
+}
+
+// CoordinatesPerMutation of chains, 0 where none were counted.
+func (c *Counts) CoordinatesPerMutation() float64 {
+	if c.Mutations == 0 {
+		return 0
+	}
+	return float64(c.Coordinates) / float64(c.Mutations)
+}
+
+// Share is nil of nothing.
+func Share(part, whole uint64) *float64 {
+	if whole == 0 {
+		return nil
+	}
+	q := float64(part) / float64(whole)
+	return &q
 }
 
 // AnomalyMap lists the anomalies that occurred, by name.

@@ -25,6 +25,8 @@ ResolvedSpec good_spec() {
   s.mutable_kernel()->set_large_step_probability(0.25);
   s.set_unit(0.125);
   s.set_blocks_per_segment(9);
+  s.set_under(job::v1::UNDER_PATH);
+  s.set_layer_weights(job::v1::LAYER_WEIGHTS_TWO_LAYER);
   return s;
 }
 
@@ -80,6 +82,42 @@ TEST(ToSpec, NamesWhatItCannotServe) {
             std::string::npos);
 }
 
+TEST(ToSpec, ChainsNeedTheirChoices) {
+  const auto names = [](const std::string& message, const char* field) {
+    return message.find(std::string("spec.") + field) != std::string::npos;
+  };
+  EXPECT_TRUE(names(error_after([](ResolvedSpec& s) { s.clear_under(); }), "under"));
+  EXPECT_TRUE(
+      names(error_after([](ResolvedSpec& s) { s.clear_layer_weights(); }), "layer_weights"));
+  EXPECT_TRUE(
+      names(error_after([](ResolvedSpec& s) { s.set_integrator(job::v1::INTEGRATOR_MMLT); }),
+            "technique_coordinate"));
+}
+
+TEST(ToSpec, WhatIsNotBuiltIsRefused) {
+  const auto not_built = [](const std::string& message) {
+    return message.find("not in this build") != std::string::npos;
+  };
+  const auto bidirectional = [](ResolvedSpec& s) {
+    s.set_max_depth(8);
+    s.set_light_sampling(job::v1::LIGHT_SAMPLING_MIS);
+  };
+  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
+    bidirectional(s);
+    s.set_integrator(job::v1::INTEGRATOR_BDPT);
+  })));
+  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
+    bidirectional(s);
+    s.set_under(job::v1::UNDER_BDPT);
+  })));
+  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
+    bidirectional(s);
+    s.set_integrator(job::v1::INTEGRATOR_MMLT);
+    s.set_technique_coordinate(job::v1::TECHNIQUE_COORDINATE_MUTATED);
+    for (double p : {0.5, 0.25, 0.125, 0.125, 0.0, 0.0, 0.0, 0.0}) s.add_length_probabilities(p);
+  })));
+}
+
 TEST(ToSpec, PathTracingNeedsNoKernel) {
   EXPECT_EQ(error_after([](ResolvedSpec& s) {
               s.set_integrator(job::v1::INTEGRATOR_PATH);
@@ -112,6 +150,7 @@ TEST(ToReport, CountsWhatIsThere) {
   EXPECT_EQ(report.bsdfs().at("diffuse"), 2U);
   EXPECT_EQ(report.bsdfs().at("twosided"), 1U);
   EXPECT_EQ(report.load_seconds(), 1.5);
+  EXPECT_EQ(report.structure().extended_lights(), 2U);
   ASSERT_EQ(report.warnings_size(), 1);
   EXPECT_EQ(report.warnings(0), "scene.xml:3: odd");
   EXPECT_GT(report.memory_bytes(), 0U);

@@ -56,6 +56,61 @@ TEST(Spec, KernelsAreChecked) {
   }
 }
 
+Spec multiplexed() {
+  Spec spec = test::Job::spec_of(Integrator::kMmlt);
+  spec.path.max_depth = 5;
+  spec.bootstrap_samples = uint64_t{128} * 5 * 3;
+  spec.length_probabilities = {0, 0.4, 0.3, 0.2, 0.1};
+  return spec;
+}
+
+// A spec that is wrong and one that is only not built must not be mistaken for each other.
+bool not_built(const Spec& spec) {
+  return problem_with(spec).find("not in this build") != std::string::npos;
+}
+
+TEST(Spec, MultiplexedPathsAreLimited) {
+  Spec spec = multiplexed();
+  for (int depth : {-1, 0, 33}) {
+    spec.path.max_depth = depth;
+    EXPECT_NE(problem_with(spec).find("max_depth must lie in 1..32"), std::string::npos) << depth;
+  }
+  spec.integrator = Integrator::kBdpt;
+  spec.path.max_depth = -1;
+  EXPECT_TRUE(not_built(spec)) << problem_with(spec);
+}
+
+TEST(Spec, BidirectionalTracingHasEveryTechnique) {
+  for (Integrator integrator : {Integrator::kBdpt, Integrator::kMmlt, Integrator::kPssmlt}) {
+    Spec spec = multiplexed();
+    spec.integrator = integrator;
+    spec.under = Under::kBdpt;
+    EXPECT_TRUE(not_built(spec)) << problem_with(spec);
+    spec.path.light_sampling = transport::LightSampling::kBsdf;
+    EXPECT_NE(problem_with(spec).find("light_sampling"), std::string::npos);
+  }
+}
+
+TEST(Spec, LengthProbabilitiesAreADistributionOverAllLengths) {
+  EXPECT_TRUE(not_built(multiplexed()));
+  const auto complaint = [](std::vector<double> p) {
+    Spec spec = multiplexed();
+    spec.length_probabilities = std::move(p);
+    return problem_with(spec);
+  };
+  EXPECT_TRUE(complaint({}).find("not in this build") != std::string::npos);  // while bootstrapping
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const std::vector<double>& p : {std::vector<double>{1},
+                                       {0.2, 0.2, 0.2, 0.2},
+                                       {0, 0.4, 0.3, 0.2, 0.1001},
+                                       {-0.1, 0.5, 0.3, 0.2, 0.1},
+                                       {nan, 0.4, 0.3, 0.2, 0.1}})
+    EXPECT_NE(complaint(p).find("length_probabilities"), std::string::npos) << p.size();
+  Spec spec = multiplexed();
+  spec.bootstrap_samples = 128;
+  EXPECT_NE(problem_with(spec).find("16 max_depth"), std::string::npos);
+}
+
 TEST(Context, TheSampledRasterIncludesTheFiltersBorder) {
   scene::SceneDescription description = metrofarm::test::room();
   description.film.filter = scene::ReconstructionFilter::kGaussian;

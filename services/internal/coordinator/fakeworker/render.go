@@ -95,7 +95,14 @@ func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *farmv1
 		Counts: &farmv1.SegmentCounts{
 			Mutations: n, PathEvaluations: n, Rays: 3*n + random.next()%100,
 			LargeSteps: large, LargeAccepted: large / 4, SmallSteps: n - large, SmallAccepted: (n - large) / 2,
+			Coordinates: 10 * n,
 		},
+	}
+	if spec.GetDelayedRejection().GetEnabled() {
+		result.Counts.SecondStages, result.Counts.SecondAccepted = (n-large)/2, (n-large)/8
+	}
+	if plan.Multiplexed(spec) {
+		result.Counts.ProposedByLength, result.Counts.AcceptedByLength = []uint64{0, n - n/4, n / 4}, []uint64{0, n / 4, n / 8}
 	}
 	c.splatter(random, group%film.Halves, func() int { return group % film.StatGroups }, result)
 	result.State = binary.LittleEndian.AppendUint64(nil, random.next())

@@ -15,6 +15,7 @@ import (
 	"google.golang.org/grpc/status"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/plan"
@@ -35,6 +36,8 @@ type Worker struct {
 	StaleDelay time.Duration
 	// Black makes all bootstrap values zero; OneHalf only those of half 1.
 	Black, OneHalf bool
+	// Sparks leaves nearly all light to very few bootstrap values.
+	Sparks bool
 	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
 	Lie int64
 	// Delay before each batch is delivered.
@@ -177,14 +180,22 @@ func (w *Worker) bootstrap(task *farmv1.Task, part *farmv1.BootstrapTask) *farmv
 	result := &farmv1.BootstrapResult{FirstIndex: part.GetFirstIndex(), Rays: uint64(part.GetCount())}
 	spec := task.GetSpec()
 	for i := range uint64(part.GetCount()) {
-		index := part.GetFirstIndex() + i
-		value := BootstrapValue(spec.GetSeed(), index)
-		if w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2 {
-			value = 0
-		}
-		result.Values = append(result.Values, value)
+		result.Values = append(result.Values, w.value(spec, part.GetFirstIndex()+i))
 	}
 	return result
+}
+
+// value of a bootstrap index as this worker sees it.
+func (w *Worker) value(spec *jobv1.ResolvedSpec, index uint64) float32 {
+	const spark, dim = 0.995, 1e-6
+	value := BootstrapValue(spec.GetSeed(), index)
+	switch {
+	case w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2, spec.GetMaxDepth() == 1:
+		return 0 // and no light is seen directly
+	case w.Sparks && value < spark:
+		return value * dim
+	}
+	return value
 }
 
 // renderAll renders tasks into one batch per round and delivers them, latest round first: order
@@ -233,9 +244,13 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 		if chains := t.GetChains(); chains != nil {
 			g := chains.GetGroups()[0]
 			for i, index := range g.GetSeedIndices() {
-				if want := BootstrapValue(spec.GetSeed(), index); g.GetSeedValues()[i] != want {
+				if want := w.value(spec, index); g.GetSeedValues()[i] != want {
 					return nil, nil, fmt.Errorf("seed %d has %v, not %v", index, g.GetSeedValues()[i], want)
 				}
+			}
+			if plan.Multiplexed(spec) && len(spec.GetLengthProbabilities()) != int(spec.GetMaxDepth()) {
+				return nil, nil, fmt.Errorf("%d probabilities of lengths for paths of %d edges",
+					len(spec.GetLengthProbabilities()), spec.GetMaxDepth())
 			}
 			result = c.renderChains(spec, number, g)
 		} else {

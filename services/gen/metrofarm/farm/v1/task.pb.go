@@ -37,7 +37,7 @@ const (
 	AnomalyKind_ANOMALY_KIND_INFINITE AnomalyKind = 2
 	// Negative.
 	AnomalyKind_ANOMALY_KIND_NEGATIVE AnomalyKind = 3
-	// Larger than the film can hold (INTEGRATOR_PATH).
+	// Larger than the film can hold (INTEGRATOR_PATH, INTEGRATOR_BDPT).
 	AnomalyKind_ANOMALY_KIND_OUT_OF_RANGE AnomalyKind = 4
 )
 
@@ -307,8 +307,9 @@ func (x *ChainSegmentsTask) GetGroups() []*ChainGroupState {
 	return nil
 }
 
-// Traces independent paths. Segment s covers blocks [s * blocks_per_segment, (s + 1) *
-// blocks_per_segment) of the film's cells; the cells are the pixels and a border as wide as the
+// Traces independent paths (INTEGRATOR_PATH, INTEGRATOR_BDPT). Segment s covers blocks
+// [s * blocks_per_segment, (s + 1) * blocks_per_segment) of the film's cells (light that light
+// subpaths splat lands anywhere); the cells are the pixels and a border as wide as the
 // filter's radius rounded up (none for a box), in scanline order.
 type PathSegmentsTask struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -694,9 +695,24 @@ type SegmentCounts struct {
 	// Small steps accepted.
 	SmallAccepted uint64 `protobuf:"varint,7,opt,name=small_accepted,json=smallAccepted,proto3" json:"small_accepted,omitempty"`
 	// Contributions set to zero, by AnomalyKind number (index 0 unused); may be empty.
-	Anomalies     []uint64 `protobuf:"varint,8,rep,packed,name=anomalies,proto3" json:"anomalies,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Anomalies []uint64 `protobuf:"varint,8,rep,packed,name=anomalies,proto3" json:"anomalies,omitempty"`
+	// Second stages proposed after a rejected small step.
+	SecondStages uint64 `protobuf:"varint,9,opt,name=second_stages,json=secondStages,proto3" json:"second_stages,omitempty"`
+	// Second stages accepted after a rejected small step.
+	SecondAccepted uint64 `protobuf:"varint,10,opt,name=second_accepted,json=secondAccepted,proto3" json:"second_accepted,omitempty"`
+	// Second stages proposed after a rejected large step.
+	SecondAfterLarge uint64 `protobuf:"varint,11,opt,name=second_after_large,json=secondAfterLarge,proto3" json:"second_after_large,omitempty"`
+	// Second stages accepted after a rejected large step.
+	SecondAfterLargeAccepted uint64 `protobuf:"varint,12,opt,name=second_after_large_accepted,json=secondAfterLargeAccepted,proto3" json:"second_after_large_accepted,omitempty"`
+	// Coordinates that proposals of either stage asked for: what laziness leaves of the path space's
+	// dimension (chains only).
+	Coordinates uint64 `protobuf:"varint,13,opt,name=coordinates,proto3" json:"coordinates,omitempty"`
+	// First-stage proposals by path length in edges (index 0 unused), at most 33 (INTEGRATOR_MMLT).
+	ProposedByLength []uint64 `protobuf:"varint,14,rep,packed,name=proposed_by_length,json=proposedByLength,proto3" json:"proposed_by_length,omitempty"`
+	// Those of them that were accepted, likewise.
+	AcceptedByLength []uint64 `protobuf:"varint,15,rep,packed,name=accepted_by_length,json=acceptedByLength,proto3" json:"accepted_by_length,omitempty"`
+	unknownFields    protoimpl.UnknownFields
+	sizeCache        protoimpl.SizeCache
 }
 
 func (x *SegmentCounts) Reset() {
@@ -781,6 +797,55 @@ func (x *SegmentCounts) GetSmallAccepted() uint64 {
 func (x *SegmentCounts) GetAnomalies() []uint64 {
 	if x != nil {
 		return x.Anomalies
+	}
+	return nil
+}
+
+func (x *SegmentCounts) GetSecondStages() uint64 {
+	if x != nil {
+		return x.SecondStages
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetSecondAccepted() uint64 {
+	if x != nil {
+		return x.SecondAccepted
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetSecondAfterLarge() uint64 {
+	if x != nil {
+		return x.SecondAfterLarge
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetSecondAfterLargeAccepted() uint64 {
+	if x != nil {
+		return x.SecondAfterLargeAccepted
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetCoordinates() uint64 {
+	if x != nil {
+		return x.Coordinates
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetProposedByLength() []uint64 {
+	if x != nil {
+		return x.ProposedByLength
+	}
+	return nil
+}
+
+func (x *SegmentCounts) GetAcceptedByLength() []uint64 {
+	if x != nil {
+		return x.AcceptedByLength
 	}
 	return nil
 }
@@ -942,8 +1007,8 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 
 // Announces a sealed film.
 //
-// The film has full-resolution planes and low-resolution planes. With L layers (PSSMLT: layer 0 is
-// weighted by the chains, layer 1 holds the large steps; PATH: one layer), full plane h * L + l is
+// The film has full-resolution planes and low-resolution planes. With L layers (chains: layer 0 is
+// weighted by the chains, layer 1 holds the large steps; PATH and BDPT: one layer), full plane h * L + l is
 // half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, over cells of
 // ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells: each splat counts once, in the cell that
 // its raster position falls into, without the filter; splats outside the image do not count. Each plane has 3 channels (R, G, B)
@@ -1178,7 +1243,7 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x04kind\x18\x01 \x01(\x0e2\x1e.metrofarm.farm.v1.AnomalyKindR\x04kind\x12\x14\n" +
 	"\x05place\x18\x02 \x01(\tR\x05place\x12\x14\n" +
 	"\x05depth\x18\x03 \x01(\rR\x05depth\x12%\n" +
-	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\x9a\x02\n" +
+	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\xd3\x04\n" +
 	"\rSegmentCounts\x12\x1c\n" +
 	"\tmutations\x18\x01 \x01(\x04R\tmutations\x12)\n" +
 	"\x10path_evaluations\x18\x02 \x01(\x04R\x0fpathEvaluations\x12\x12\n" +
@@ -1189,7 +1254,15 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\vsmall_steps\x18\x06 \x01(\x04R\n" +
 	"smallSteps\x12%\n" +
 	"\x0esmall_accepted\x18\a \x01(\x04R\rsmallAccepted\x12\x1c\n" +
-	"\tanomalies\x18\b \x03(\x04R\tanomalies\"X\n" +
+	"\tanomalies\x18\b \x03(\x04R\tanomalies\x12#\n" +
+	"\rsecond_stages\x18\t \x01(\x04R\fsecondStages\x12'\n" +
+	"\x0fsecond_accepted\x18\n" +
+	" \x01(\x04R\x0esecondAccepted\x12,\n" +
+	"\x12second_after_large\x18\v \x01(\x04R\x10secondAfterLarge\x12=\n" +
+	"\x1bsecond_after_large_accepted\x18\f \x01(\x04R\x18secondAfterLargeAccepted\x12 \n" +
+	"\vcoordinates\x18\r \x01(\x04R\vcoordinates\x12,\n" +
+	"\x12proposed_by_length\x18\x0e \x03(\x04R\x10proposedByLength\x12,\n" +
+	"\x12accepted_by_length\x18\x0f \x03(\x04R\x10acceptedByLength\"X\n" +
 	"\rLargeStepSums\x12\x14\n" +
 	"\x05count\x18\x01 \x01(\x04R\x05count\x12\x10\n" +
 	"\x03sum\x18\x02 \x01(\x01R\x03sum\x12\x1f\n" +

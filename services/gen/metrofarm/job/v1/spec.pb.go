@@ -32,8 +32,13 @@ const (
 	Integrator_INTEGRATOR_UNSPECIFIED Integrator = 0
 	// Independent path tracing, so many samples per pixel.
 	Integrator_INTEGRATOR_PATH Integrator = 1
-	// Primary sample space Metropolis light transport over path tracing.
+	// Primary sample space Metropolis light transport over what `under` says.
 	Integrator_INTEGRATOR_PSSMLT Integrator = 2
+	// Independent bidirectional path tracing, all techniques weighted against each other, so many
+	// samples per pixel.
+	Integrator_INTEGRATOR_BDPT Integrator = 3
+	// Multiplexed Metropolis light transport: one technique per sample, the path length a coordinate.
+	Integrator_INTEGRATOR_MMLT Integrator = 4
 )
 
 // Enum value maps for Integrator.
@@ -42,11 +47,15 @@ var (
 		0: "INTEGRATOR_UNSPECIFIED",
 		1: "INTEGRATOR_PATH",
 		2: "INTEGRATOR_PSSMLT",
+		3: "INTEGRATOR_BDPT",
+		4: "INTEGRATOR_MMLT",
 	}
 	Integrator_value = map[string]int32{
 		"INTEGRATOR_UNSPECIFIED": 0,
 		"INTEGRATOR_PATH":        1,
 		"INTEGRATOR_PSSMLT":      2,
+		"INTEGRATOR_BDPT":        3,
+		"INTEGRATOR_MMLT":        4,
 	}
 )
 
@@ -77,7 +86,61 @@ func (Integrator) EnumDescriptor() ([]byte, []int) {
 	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{0}
 }
 
-// How a path tracer finds emitters.
+// What evaluates the samples of INTEGRATOR_PSSMLT.
+type Under int32
+
+const (
+	// Not set; refused for INTEGRATOR_PSSMLT, required of all others.
+	Under_UNDER_UNSPECIFIED Under = 0
+	// Path tracing, with light_sampling.
+	Under_UNDER_PATH Under = 1
+	// Bidirectional path tracing.
+	Under_UNDER_BDPT Under = 2
+)
+
+// Enum value maps for Under.
+var (
+	Under_name = map[int32]string{
+		0: "UNDER_UNSPECIFIED",
+		1: "UNDER_PATH",
+		2: "UNDER_BDPT",
+	}
+	Under_value = map[string]int32{
+		"UNDER_UNSPECIFIED": 0,
+		"UNDER_PATH":        1,
+		"UNDER_BDPT":        2,
+	}
+)
+
+func (x Under) Enum() *Under {
+	p := new(Under)
+	*p = x
+	return p
+}
+
+func (x Under) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (Under) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[1].Descriptor()
+}
+
+func (Under) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[1]
+}
+
+func (x Under) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use Under.Descriptor instead.
+func (Under) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{1}
+}
+
+// How a path tracer finds emitters. Bidirectional tracing has every technique: it asks for
+// LIGHT_SAMPLING_MIS.
 type LightSampling int32
 
 const (
@@ -118,11 +181,11 @@ func (x LightSampling) String() string {
 }
 
 func (LightSampling) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[1].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[2].Descriptor()
 }
 
 func (LightSampling) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[1]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[2]
 }
 
 func (x LightSampling) Number() protoreflect.EnumNumber {
@@ -131,7 +194,7 @@ func (x LightSampling) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use LightSampling.Descriptor instead.
 func (LightSampling) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{1}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{2}
 }
 
 // Law of a small step.
@@ -144,6 +207,12 @@ const (
 	KernelKind_KERNEL_KIND_KELEMEN_PAIR KernelKind = 1
 	// Per coordinate: normal with standard deviation sigma.
 	KernelKind_KERNEL_KIND_GAUSSIAN KernelKind = 2
+	// Per coordinate: distance s2 exp(-ln(s2/s1) xi) to either side. Not isotropic in a pair.
+	KernelKind_KERNEL_KIND_KELEMEN_COORDINATE KernelKind = 3
+	// Per coordinate: wrapped Cauchy of the given scale. Not isotropic in a pair.
+	KernelKind_KERNEL_KIND_WRAPPED_CAUCHY KernelKind = 4
+	// Per coordinate: uniform within half_width to either side. Not isotropic in a pair.
+	KernelKind_KERNEL_KIND_UNIFORM KernelKind = 5
 )
 
 // Enum value maps for KernelKind.
@@ -152,11 +221,17 @@ var (
 		0: "KERNEL_KIND_UNSPECIFIED",
 		1: "KERNEL_KIND_KELEMEN_PAIR",
 		2: "KERNEL_KIND_GAUSSIAN",
+		3: "KERNEL_KIND_KELEMEN_COORDINATE",
+		4: "KERNEL_KIND_WRAPPED_CAUCHY",
+		5: "KERNEL_KIND_UNIFORM",
 	}
 	KernelKind_value = map[string]int32{
-		"KERNEL_KIND_UNSPECIFIED":  0,
-		"KERNEL_KIND_KELEMEN_PAIR": 1,
-		"KERNEL_KIND_GAUSSIAN":     2,
+		"KERNEL_KIND_UNSPECIFIED":        0,
+		"KERNEL_KIND_KELEMEN_PAIR":       1,
+		"KERNEL_KIND_GAUSSIAN":           2,
+		"KERNEL_KIND_KELEMEN_COORDINATE": 3,
+		"KERNEL_KIND_WRAPPED_CAUCHY":     4,
+		"KERNEL_KIND_UNIFORM":            5,
 	}
 )
 
@@ -171,11 +246,11 @@ func (x KernelKind) String() string {
 }
 
 func (KernelKind) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[2].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[3].Descriptor()
 }
 
 func (KernelKind) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[2]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[3]
 }
 
 func (x KernelKind) Number() protoreflect.EnumNumber {
@@ -184,7 +259,280 @@ func (x KernelKind) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use KernelKind.Descriptor instead.
 func (KernelKind) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{2}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{3}
+}
+
+// Where a second stage proposes z, after the proposal y of state x was rejected.
+type SecondMove int32
+
+const (
+	// Not set; refused where the second stage is enabled.
+	SecondMove_SECOND_MOVE_UNSPECIFIED SecondMove = 0
+	// x turned around y by a random angle, pair by pair.
+	SecondMove_SECOND_MOVE_ORBITAL SecondMove = 1
+	// A scaled small step from x that does not depend on y.
+	SecondMove_SECOND_MOVE_LOCAL SecondMove = 2
+)
+
+// Enum value maps for SecondMove.
+var (
+	SecondMove_name = map[int32]string{
+		0: "SECOND_MOVE_UNSPECIFIED",
+		1: "SECOND_MOVE_ORBITAL",
+		2: "SECOND_MOVE_LOCAL",
+	}
+	SecondMove_value = map[string]int32{
+		"SECOND_MOVE_UNSPECIFIED": 0,
+		"SECOND_MOVE_ORBITAL":     1,
+		"SECOND_MOVE_LOCAL":       2,
+	}
+)
+
+func (x SecondMove) Enum() *SecondMove {
+	p := new(SecondMove)
+	*p = x
+	return p
+}
+
+func (x SecondMove) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (SecondMove) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[4].Descriptor()
+}
+
+func (SecondMove) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[4]
+}
+
+func (x SecondMove) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use SecondMove.Descriptor instead.
+func (SecondMove) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{4}
+}
+
+// Law of the angle of an orbital move.
+type AngleLaw int32
+
+const (
+	// Not set; refused for orbital moves.
+	AngleLaw_ANGLE_LAW_UNSPECIFIED AngleLaw = 0
+	// Wrapped Cauchy with mean resultant length rho.
+	AngleLaw_ANGLE_LAW_WRAPPED_CAUCHY AngleLaw = 1
+	// Von Mises with concentration kappa.
+	AngleLaw_ANGLE_LAW_VON_MISES AngleLaw = 2
+)
+
+// Enum value maps for AngleLaw.
+var (
+	AngleLaw_name = map[int32]string{
+		0: "ANGLE_LAW_UNSPECIFIED",
+		1: "ANGLE_LAW_WRAPPED_CAUCHY",
+		2: "ANGLE_LAW_VON_MISES",
+	}
+	AngleLaw_value = map[string]int32{
+		"ANGLE_LAW_UNSPECIFIED":    0,
+		"ANGLE_LAW_WRAPPED_CAUCHY": 1,
+		"ANGLE_LAW_VON_MISES":      2,
+	}
+)
+
+func (x AngleLaw) Enum() *AngleLaw {
+	p := new(AngleLaw)
+	*p = x
+	return p
+}
+
+func (x AngleLaw) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (AngleLaw) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[5].Descriptor()
+}
+
+func (AngleLaw) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[5]
+}
+
+func (x AngleLaw) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use AngleLaw.Descriptor instead.
+func (AngleLaw) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{5}
+}
+
+// How a second stage is accepted.
+type AcceptanceRule int32
+
+const (
+	// Not set; refused where the second stage is enabled.
+	AcceptanceRule_ACCEPTANCE_RULE_UNSPECIFIED AcceptanceRule = 0
+	// 0 if f(z) <= f(y), 1 if f(z) >= f(x), else (f(z) - f(y)) / (f(x) - f(y)): the first stage's
+	// density cancels, which takes an orbital move and a kernel that is isotropic in a pair.
+	AcceptanceRule_ACCEPTANCE_RULE_ORBITAL AcceptanceRule = 1
+	// The general rule of Tierney and Mira 1999, with the ratio of the first stage's densities.
+	AcceptanceRule_ACCEPTANCE_RULE_TIERNEY_MIRA AcceptanceRule = 2
+	// The rule of Green and Mira 2001: the first stage is reversed from z by a path of its own, which
+	// is a third evaluation. The move must not depend on y.
+	AcceptanceRule_ACCEPTANCE_RULE_GREEN_MIRA AcceptanceRule = 3
+)
+
+// Enum value maps for AcceptanceRule.
+var (
+	AcceptanceRule_name = map[int32]string{
+		0: "ACCEPTANCE_RULE_UNSPECIFIED",
+		1: "ACCEPTANCE_RULE_ORBITAL",
+		2: "ACCEPTANCE_RULE_TIERNEY_MIRA",
+		3: "ACCEPTANCE_RULE_GREEN_MIRA",
+	}
+	AcceptanceRule_value = map[string]int32{
+		"ACCEPTANCE_RULE_UNSPECIFIED":  0,
+		"ACCEPTANCE_RULE_ORBITAL":      1,
+		"ACCEPTANCE_RULE_TIERNEY_MIRA": 2,
+		"ACCEPTANCE_RULE_GREEN_MIRA":   3,
+	}
+)
+
+func (x AcceptanceRule) Enum() *AcceptanceRule {
+	p := new(AcceptanceRule)
+	*p = x
+	return p
+}
+
+func (x AcceptanceRule) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (AcceptanceRule) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[6].Descriptor()
+}
+
+func (AcceptanceRule) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[6]
+}
+
+func (x AcceptanceRule) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use AcceptanceRule.Descriptor instead.
+func (AcceptanceRule) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{6}
+}
+
+// How large steps share in the image.
+type LayerWeights int32
+
+const (
+	// Not set; refused for chains.
+	LayerWeights_LAYER_WEIGHTS_UNSPECIFIED LayerWeights = 0
+	// With m(f) = (f / c) / (f / c + p): the chains carry m, the large steps 1 - m, in layers of their
+	// own. The film unit c is fixed, b is applied at development.
+	LayerWeights_LAYER_WEIGHTS_TWO_LAYER LayerWeights = 1
+	// The weights of Kelemen et al. 2002, for comparison: c takes the place of b in them.
+	LayerWeights_LAYER_WEIGHTS_KELEMEN LayerWeights = 2
+)
+
+// Enum value maps for LayerWeights.
+var (
+	LayerWeights_name = map[int32]string{
+		0: "LAYER_WEIGHTS_UNSPECIFIED",
+		1: "LAYER_WEIGHTS_TWO_LAYER",
+		2: "LAYER_WEIGHTS_KELEMEN",
+	}
+	LayerWeights_value = map[string]int32{
+		"LAYER_WEIGHTS_UNSPECIFIED": 0,
+		"LAYER_WEIGHTS_TWO_LAYER":   1,
+		"LAYER_WEIGHTS_KELEMEN":     2,
+	}
+)
+
+func (x LayerWeights) Enum() *LayerWeights {
+	p := new(LayerWeights)
+	*p = x
+	return p
+}
+
+func (x LayerWeights) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (LayerWeights) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[7].Descriptor()
+}
+
+func (LayerWeights) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[7]
+}
+
+func (x LayerWeights) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use LayerWeights.Descriptor instead.
+func (LayerWeights) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{7}
+}
+
+// What small steps do to the coordinate that chooses a technique (INTEGRATOR_MMLT). The coordinate
+// that chooses the path length is drawn by large steps only.
+type TechniqueCoordinate int32
+
+const (
+	// Not set; refused for INTEGRATOR_MMLT.
+	TechniqueCoordinate_TECHNIQUE_COORDINATE_UNSPECIFIED TechniqueCoordinate = 0
+	// Small steps keep the technique.
+	TechniqueCoordinate_TECHNIQUE_COORDINATE_FROZEN TechniqueCoordinate = 1
+	// Small steps move it by the kernel, as any other coordinate.
+	TechniqueCoordinate_TECHNIQUE_COORDINATE_MUTATED TechniqueCoordinate = 2
+)
+
+// Enum value maps for TechniqueCoordinate.
+var (
+	TechniqueCoordinate_name = map[int32]string{
+		0: "TECHNIQUE_COORDINATE_UNSPECIFIED",
+		1: "TECHNIQUE_COORDINATE_FROZEN",
+		2: "TECHNIQUE_COORDINATE_MUTATED",
+	}
+	TechniqueCoordinate_value = map[string]int32{
+		"TECHNIQUE_COORDINATE_UNSPECIFIED": 0,
+		"TECHNIQUE_COORDINATE_FROZEN":      1,
+		"TECHNIQUE_COORDINATE_MUTATED":     2,
+	}
+)
+
+func (x TechniqueCoordinate) Enum() *TechniqueCoordinate {
+	p := new(TechniqueCoordinate)
+	*p = x
+	return p
+}
+
+func (x TechniqueCoordinate) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (TechniqueCoordinate) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[8].Descriptor()
+}
+
+func (TechniqueCoordinate) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[8]
+}
+
+func (x TechniqueCoordinate) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use TechniqueCoordinate.Descriptor instead.
+func (TechniqueCoordinate) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{8}
 }
 
 // Mutation of primary samples on the unit torus.
@@ -192,16 +540,21 @@ type Kernel struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Law of the small step.
 	Kind KernelKind `protobuf:"varint,1,opt,name=kind,proto3,enum=metrofarm.job.v1.KernelKind" json:"kind,omitempty"`
-	// Smallest radius of KERNEL_KIND_KELEMEN_PAIR; 0 < s1 < s2.
+	// Smallest radius of KERNEL_KIND_KELEMEN_PAIR and distance of KERNEL_KIND_KELEMEN_COORDINATE;
+	// 0 < s1 < s2.
 	S1 float64 `protobuf:"fixed64,2,opt,name=s1,proto3" json:"s1,omitempty"`
-	// Largest radius of KERNEL_KIND_KELEMEN_PAIR; s2 < 0.5.
+	// Largest radius or distance of the same; s2 < 0.5.
 	S2 float64 `protobuf:"fixed64,3,opt,name=s2,proto3" json:"s2,omitempty"`
 	// Standard deviation of KERNEL_KIND_GAUSSIAN; 0 < sigma < 0.25.
 	Sigma float64 `protobuf:"fixed64,4,opt,name=sigma,proto3" json:"sigma,omitempty"`
 	// Probability of a large step (all coordinates fresh), 0 < p <= 1.
 	LargeStepProbability float64 `protobuf:"fixed64,5,opt,name=large_step_probability,json=largeStepProbability,proto3" json:"large_step_probability,omitempty"`
-	unknownFields        protoimpl.UnknownFields
-	sizeCache            protoimpl.SizeCache
+	// Scale of KERNEL_KIND_WRAPPED_CAUCHY, as a share of the torus; 0 < scale < 0.25.
+	Scale float64 `protobuf:"fixed64,6,opt,name=scale,proto3" json:"scale,omitempty"`
+	// Half width of KERNEL_KIND_UNIFORM; 0 < half_width < 0.5.
+	HalfWidth     float64 `protobuf:"fixed64,7,opt,name=half_width,json=halfWidth,proto3" json:"half_width,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
 func (x *Kernel) Reset() {
@@ -269,6 +622,122 @@ func (x *Kernel) GetLargeStepProbability() float64 {
 	return 0
 }
 
+func (x *Kernel) GetScale() float64 {
+	if x != nil {
+		return x.Scale
+	}
+	return 0
+}
+
+func (x *Kernel) GetHalfWidth() float64 {
+	if x != nil {
+		return x.HalfWidth
+	}
+	return 0
+}
+
+// A second, timid proposal after a rejected one.
+type DelayedRejection struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// False: no second stage; all else is then unset.
+	Enabled bool `protobuf:"varint,1,opt,name=enabled,proto3" json:"enabled,omitempty"`
+	// Where z lies after a rejected small step.
+	Move SecondMove `protobuf:"varint,2,opt,name=move,proto3,enum=metrofarm.job.v1.SecondMove" json:"move,omitempty"`
+	// Law of the angle (SECOND_MOVE_ORBITAL).
+	AngleLaw AngleLaw `protobuf:"varint,3,opt,name=angle_law,json=angleLaw,proto3,enum=metrofarm.job.v1.AngleLaw" json:"angle_law,omitempty"`
+	// ANGLE_LAW_WRAPPED_CAUCHY: rho, 0 <= rho < 1. ANGLE_LAW_VON_MISES: kappa, 0 <= kappa <= 10000.
+	Concentration float64 `protobuf:"fixed64,4,opt,name=concentration,proto3" json:"concentration,omitempty"`
+	// How the second stage is accepted. ACCEPTANCE_RULE_ORBITAL only for SECOND_MOVE_ORBITAL after
+	// KERNEL_KIND_KELEMEN_PAIR or KERNEL_KIND_GAUSSIAN, ACCEPTANCE_RULE_GREEN_MIRA only for
+	// SECOND_MOVE_LOCAL.
+	AcceptanceRule AcceptanceRule `protobuf:"varint,5,opt,name=acceptance_rule,json=acceptanceRule,proto3,enum=metrofarm.job.v1.AcceptanceRule" json:"acceptance_rule,omitempty"`
+	// True: rejected large steps have a second stage too, a local move.
+	AfterLargeSteps bool `protobuf:"varint,6,opt,name=after_large_steps,json=afterLargeSteps,proto3" json:"after_large_steps,omitempty"`
+	// Size of local moves relative to the kernel's, 0 < local_scale <= 1.
+	LocalScale    float64 `protobuf:"fixed64,7,opt,name=local_scale,json=localScale,proto3" json:"local_scale,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *DelayedRejection) Reset() {
+	*x = DelayedRejection{}
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[1]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *DelayedRejection) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*DelayedRejection) ProtoMessage() {}
+
+func (x *DelayedRejection) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[1]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use DelayedRejection.ProtoReflect.Descriptor instead.
+func (*DelayedRejection) Descriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{1}
+}
+
+func (x *DelayedRejection) GetEnabled() bool {
+	if x != nil {
+		return x.Enabled
+	}
+	return false
+}
+
+func (x *DelayedRejection) GetMove() SecondMove {
+	if x != nil {
+		return x.Move
+	}
+	return SecondMove_SECOND_MOVE_UNSPECIFIED
+}
+
+func (x *DelayedRejection) GetAngleLaw() AngleLaw {
+	if x != nil {
+		return x.AngleLaw
+	}
+	return AngleLaw_ANGLE_LAW_UNSPECIFIED
+}
+
+func (x *DelayedRejection) GetConcentration() float64 {
+	if x != nil {
+		return x.Concentration
+	}
+	return 0
+}
+
+func (x *DelayedRejection) GetAcceptanceRule() AcceptanceRule {
+	if x != nil {
+		return x.AcceptanceRule
+	}
+	return AcceptanceRule_ACCEPTANCE_RULE_UNSPECIFIED
+}
+
+func (x *DelayedRejection) GetAfterLargeSteps() bool {
+	if x != nil {
+		return x.AfterLargeSteps
+	}
+	return false
+}
+
+func (x *DelayedRejection) GetLocalScale() float64 {
+	if x != nil {
+		return x.LocalScale
+	}
+	return 0
+}
+
 // Everything that decides the image beside the scene.
 type ResolvedSpec struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -276,7 +745,8 @@ type ResolvedSpec struct {
 	Integrator Integrator `protobuf:"varint,1,opt,name=integrator,proto3,enum=metrofarm.job.v1.Integrator" json:"integrator,omitempty"`
 	// How emitters are found.
 	LightSampling LightSampling `protobuf:"varint,2,opt,name=light_sampling,json=lightSampling,proto3,enum=metrofarm.job.v1.LightSampling" json:"light_sampling,omitempty"`
-	// Longest path in edges; -1: no limit (Russian roulette ends paths).
+	// Longest path in edges; -1: no limit (Russian roulette ends paths, beyond 512 edges they are
+	// cut). INTEGRATOR_MMLT: 1 to 32, since each length takes a share of the bootstrap.
 	MaxDepth int32 `protobuf:"varint,3,opt,name=max_depth,json=maxDepth,proto3" json:"max_depth,omitempty"`
 	// First depth (edges) at which Russian roulette may end a path, at least 1.
 	RrDepth int32 `protobuf:"varint,4,opt,name=rr_depth,json=rrDepth,proto3" json:"rr_depth,omitempty"`
@@ -287,34 +757,52 @@ type ResolvedSpec struct {
 	// Seed of every random number of the job.
 	Seed uint64 `protobuf:"varint,7,opt,name=seed,proto3" json:"seed,omitempty"`
 	// Number M of bootstrap samples: an even multiple of group_size. Half 0 owns indices [0, M/2),
-	// half 1 the rest.
+	// half 1 the rest. INTEGRATOR_MMLT: M is a multiple of 16 n for n = max_depth path lengths;
+	// sample i has length 1 + (i / 8) % n edges, so all eight of a pack are alike and each half has
+	// every length equally often, and the f reported is F n. Within a half and a length, samples are
+	// numbered on their own: pack p = i / 8 of the half has number p / n there.
 	BootstrapSamples uint64 `protobuf:"varint,8,opt,name=bootstrap_samples,json=bootstrapSamples,proto3" json:"bootstrap_samples,omitempty"`
 	// Chains (or path samples) that a worker runs side by side; one such group is the unit of
 	// determinism. A worker built for another size refuses the job.
 	GroupSize uint32 `protobuf:"varint,9,opt,name=group_size,json=groupSize,proto3" json:"group_size,omitempty"`
-	// Number of chain groups, a multiple of 16 (INTEGRATOR_PSSMLT). Group g belongs to half g % 2 and
+	// Number of chain groups, a multiple of 16 (chains: INTEGRATOR_PSSMLT, INTEGRATOR_MMLT). Group g belongs to half g % 2 and
 	// to statistics group g % 16. Its chains are g * group_size .. g * group_size + group_size - 1.
 	ChainGroups uint32 `protobuf:"varint,10,opt,name=chain_groups,json=chainGroups,proto3" json:"chain_groups,omitempty"`
-	// Mutation kernel (INTEGRATOR_PSSMLT).
+	// Mutation kernel (chains).
 	Kernel *Kernel `protobuf:"bytes,11,opt,name=kernel,proto3" json:"kernel,omitempty"`
-	// Film unit: a film value of 1.0 (2^32 as an integer) stands for this much. For
-	// INTEGRATOR_PSSMLT it is the constant c of the two-layer weights, the bootstrap's first estimate
-	// of b. For INTEGRATOR_PATH a fixed multiple of the pilot's mean luminance. Positive and finite.
+	// Film unit: a film value of 1.0 (2^32 as an integer) stands for this much. For chains it is the
+	// constant c of the two-layer weights, the bootstrap's first estimate of b. For INTEGRATOR_PATH
+	// and INTEGRATOR_BDPT a fixed multiple of the pilot's mean luminance. Positive and finite.
 	Unit float64 `protobuf:"fixed64,12,opt,name=unit,proto3" json:"unit,omitempty"`
-	// Contiguous blocks of group_size film cells in one segment (INTEGRATOR_PATH).
+	// Contiguous blocks of group_size film cells in one segment (INTEGRATOR_PATH, INTEGRATOR_BDPT).
 	BlocksPerSegment uint32 `protobuf:"varint,13,opt,name=blocks_per_segment,json=blocksPerSegment,proto3" json:"blocks_per_segment,omitempty"`
-	// Sizes of the rounds, in order: mutations per chain (INTEGRATOR_PSSMLT) or samples per pixel
-	// (INTEGRATOR_PATH) that round r adds.
+	// Sizes of the rounds, in order: mutations per chain or samples per pixel (INTEGRATOR_PATH,
+	// INTEGRATOR_BDPT) that round r adds.
 	RoundSizes []uint64 `protobuf:"varint,14,rep,packed,name=round_sizes,json=roundSizes,proto3" json:"round_sizes,omitempty"`
 	// Version of the workers that may render this job (build, instruction set and probe).
 	WorkerVersion string `protobuf:"bytes,15,opt,name=worker_version,json=workerVersion,proto3" json:"worker_version,omitempty"`
+	// What the chains run over (INTEGRATOR_PSSMLT).
+	Under Under `protobuf:"varint,16,opt,name=under,proto3,enum=metrofarm.job.v1.Under" json:"under,omitempty"`
+	// Second stage (chains); absent: none.
+	DelayedRejection *DelayedRejection `protobuf:"bytes,17,opt,name=delayed_rejection,json=delayedRejection,proto3" json:"delayed_rejection,omitempty"`
+	// How large steps share in the image (chains).
+	LayerWeights LayerWeights `protobuf:"varint,18,opt,name=layer_weights,json=layerWeights,proto3,enum=metrofarm.job.v1.LayerWeights" json:"layer_weights,omitempty"`
+	// What small steps do to the technique (INTEGRATOR_MMLT).
+	TechniqueCoordinate TechniqueCoordinate `protobuf:"varint,19,opt,name=technique_coordinate,json=techniqueCoordinate,proto3,enum=metrofarm.job.v1.TechniqueCoordinate" json:"technique_coordinate,omitempty"`
+	// Probability of a large step to draw each path length, 1 edge first (INTEGRATOR_MMLT): max_depth
+	// values, none negative, summing to 1 within 1e-9; 0 for lengths that cannot carry light. A
+	// chain's f is F divided by it. Empty while the bootstrap runs, which finds it.
+	LengthProbabilities []float64 `protobuf:"fixed64,20,rep,packed,name=length_probabilities,json=lengthProbabilities,proto3" json:"length_probabilities,omitempty"`
+	// Why `auto` chose the integrator; absent where it was asked for. No part of what decides the
+	// image.
+	AutoDecision  *AutoDecision `protobuf:"bytes,21,opt,name=auto_decision,json=autoDecision,proto3" json:"auto_decision,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
 func (x *ResolvedSpec) Reset() {
 	*x = ResolvedSpec{}
-	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[1]
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[2]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -326,7 +814,7 @@ func (x *ResolvedSpec) String() string {
 func (*ResolvedSpec) ProtoMessage() {}
 
 func (x *ResolvedSpec) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[1]
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[2]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -339,7 +827,7 @@ func (x *ResolvedSpec) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ResolvedSpec.ProtoReflect.Descriptor instead.
 func (*ResolvedSpec) Descriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{1}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{2}
 }
 
 func (x *ResolvedSpec) GetIntegrator() Integrator {
@@ -447,17 +935,153 @@ func (x *ResolvedSpec) GetWorkerVersion() string {
 	return ""
 }
 
+func (x *ResolvedSpec) GetUnder() Under {
+	if x != nil {
+		return x.Under
+	}
+	return Under_UNDER_UNSPECIFIED
+}
+
+func (x *ResolvedSpec) GetDelayedRejection() *DelayedRejection {
+	if x != nil {
+		return x.DelayedRejection
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetLayerWeights() LayerWeights {
+	if x != nil {
+		return x.LayerWeights
+	}
+	return LayerWeights_LAYER_WEIGHTS_UNSPECIFIED
+}
+
+func (x *ResolvedSpec) GetTechniqueCoordinate() TechniqueCoordinate {
+	if x != nil {
+		return x.TechniqueCoordinate
+	}
+	return TechniqueCoordinate_TECHNIQUE_COORDINATE_UNSPECIFIED
+}
+
+func (x *ResolvedSpec) GetLengthProbabilities() []float64 {
+	if x != nil {
+		return x.LengthProbabilities
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetAutoDecision() *AutoDecision {
+	if x != nil {
+		return x.AutoDecision
+	}
+	return nil
+}
+
+// What `auto` measured, by counts alone, and what it chose.
+type AutoDecision struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Independent path-traced samples that it looked at, with a seed of their own.
+	PilotSamples uint64 `protobuf:"varint,1,opt,name=pilot_samples,json=pilotSamples,proto3" json:"pilot_samples,omitempty"`
+	// Variance of f over the whole film divided by the squared mean.
+	RelativeVariance float64 `protobuf:"fixed64,2,opt,name=relative_variance,json=relativeVariance,proto3" json:"relative_variance,omitempty"`
+	// Share of samples that carried nothing.
+	ZeroShare float64 `protobuf:"fixed64,3,opt,name=zero_share,json=zeroShare,proto3" json:"zero_share,omitempty"`
+	// Share of all light that the brightest thousandth of the samples carried.
+	TopShare float64 `protobuf:"fixed64,4,opt,name=top_share,json=topShare,proto3" json:"top_share,omitempty"`
+	// The rule that decided, in words.
+	Reason        string `protobuf:"bytes,5,opt,name=reason,proto3" json:"reason,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *AutoDecision) Reset() {
+	*x = AutoDecision{}
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *AutoDecision) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*AutoDecision) ProtoMessage() {}
+
+func (x *AutoDecision) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use AutoDecision.ProtoReflect.Descriptor instead.
+func (*AutoDecision) Descriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{3}
+}
+
+func (x *AutoDecision) GetPilotSamples() uint64 {
+	if x != nil {
+		return x.PilotSamples
+	}
+	return 0
+}
+
+func (x *AutoDecision) GetRelativeVariance() float64 {
+	if x != nil {
+		return x.RelativeVariance
+	}
+	return 0
+}
+
+func (x *AutoDecision) GetZeroShare() float64 {
+	if x != nil {
+		return x.ZeroShare
+	}
+	return 0
+}
+
+func (x *AutoDecision) GetTopShare() float64 {
+	if x != nil {
+		return x.TopShare
+	}
+	return 0
+}
+
+func (x *AutoDecision) GetReason() string {
+	if x != nil {
+		return x.Reason
+	}
+	return ""
+}
+
 var File_metrofarm_job_v1_spec_proto protoreflect.FileDescriptor
 
 const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\n" +
-	"\x1bmetrofarm/job/v1/spec.proto\x12\x10metrofarm.job.v1\"\xa6\x01\n" +
+	"\x1bmetrofarm/job/v1/spec.proto\x12\x10metrofarm.job.v1\"\xdb\x01\n" +
 	"\x06Kernel\x120\n" +
 	"\x04kind\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.KernelKindR\x04kind\x12\x0e\n" +
 	"\x02s1\x18\x02 \x01(\x01R\x02s1\x12\x0e\n" +
 	"\x02s2\x18\x03 \x01(\x01R\x02s2\x12\x14\n" +
 	"\x05sigma\x18\x04 \x01(\x01R\x05sigma\x124\n" +
-	"\x16large_step_probability\x18\x05 \x01(\x01R\x14largeStepProbability\"\xb9\x04\n" +
+	"\x16large_step_probability\x18\x05 \x01(\x01R\x14largeStepProbability\x12\x14\n" +
+	"\x05scale\x18\x06 \x01(\x01R\x05scale\x12\x1d\n" +
+	"\n" +
+	"half_width\x18\a \x01(\x01R\thalfWidth\"\xd5\x02\n" +
+	"\x10DelayedRejection\x12\x18\n" +
+	"\aenabled\x18\x01 \x01(\bR\aenabled\x120\n" +
+	"\x04move\x18\x02 \x01(\x0e2\x1c.metrofarm.job.v1.SecondMoveR\x04move\x127\n" +
+	"\tangle_law\x18\x03 \x01(\x0e2\x1a.metrofarm.job.v1.AngleLawR\bangleLaw\x12$\n" +
+	"\rconcentration\x18\x04 \x01(\x01R\rconcentration\x12I\n" +
+	"\x0facceptance_rule\x18\x05 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
+	"\x11after_large_steps\x18\x06 \x01(\bR\x0fafterLargeSteps\x12\x1f\n" +
+	"\vlocal_scale\x18\a \x01(\x01R\n" +
+	"localScale\"\xd0\a\n" +
 	"\fResolvedSpec\x12<\n" +
 	"\n" +
 	"integrator\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.IntegratorR\n" +
@@ -478,22 +1102,68 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x12blocks_per_segment\x18\r \x01(\rR\x10blocksPerSegment\x12\x1f\n" +
 	"\vround_sizes\x18\x0e \x03(\x04R\n" +
 	"roundSizes\x12%\n" +
-	"\x0eworker_version\x18\x0f \x01(\tR\rworkerVersion*T\n" +
+	"\x0eworker_version\x18\x0f \x01(\tR\rworkerVersion\x12-\n" +
+	"\x05under\x18\x10 \x01(\x0e2\x17.metrofarm.job.v1.UnderR\x05under\x12O\n" +
+	"\x11delayed_rejection\x18\x11 \x01(\v2\".metrofarm.job.v1.DelayedRejectionR\x10delayedRejection\x12C\n" +
+	"\rlayer_weights\x18\x12 \x01(\x0e2\x1e.metrofarm.job.v1.LayerWeightsR\flayerWeights\x12X\n" +
+	"\x14technique_coordinate\x18\x13 \x01(\x0e2%.metrofarm.job.v1.TechniqueCoordinateR\x13techniqueCoordinate\x121\n" +
+	"\x14length_probabilities\x18\x14 \x03(\x01R\x13lengthProbabilities\x12C\n" +
+	"\rauto_decision\x18\x15 \x01(\v2\x1e.metrofarm.job.v1.AutoDecisionR\fautoDecision\"\xb4\x01\n" +
+	"\fAutoDecision\x12#\n" +
+	"\rpilot_samples\x18\x01 \x01(\x04R\fpilotSamples\x12+\n" +
+	"\x11relative_variance\x18\x02 \x01(\x01R\x10relativeVariance\x12\x1d\n" +
+	"\n" +
+	"zero_share\x18\x03 \x01(\x01R\tzeroShare\x12\x1b\n" +
+	"\ttop_share\x18\x04 \x01(\x01R\btopShare\x12\x16\n" +
+	"\x06reason\x18\x05 \x01(\tR\x06reason*~\n" +
 	"\n" +
 	"Integrator\x12\x1a\n" +
 	"\x16INTEGRATOR_UNSPECIFIED\x10\x00\x12\x13\n" +
 	"\x0fINTEGRATOR_PATH\x10\x01\x12\x15\n" +
-	"\x11INTEGRATOR_PSSMLT\x10\x02*|\n" +
+	"\x11INTEGRATOR_PSSMLT\x10\x02\x12\x13\n" +
+	"\x0fINTEGRATOR_BDPT\x10\x03\x12\x13\n" +
+	"\x0fINTEGRATOR_MMLT\x10\x04*>\n" +
+	"\x05Under\x12\x15\n" +
+	"\x11UNDER_UNSPECIFIED\x10\x00\x12\x0e\n" +
+	"\n" +
+	"UNDER_PATH\x10\x01\x12\x0e\n" +
+	"\n" +
+	"UNDER_BDPT\x10\x02*|\n" +
 	"\rLightSampling\x12\x1e\n" +
 	"\x1aLIGHT_SAMPLING_UNSPECIFIED\x10\x00\x12\x16\n" +
 	"\x12LIGHT_SAMPLING_MIS\x10\x01\x12\x1a\n" +
 	"\x16LIGHT_SAMPLING_EMITTER\x10\x02\x12\x17\n" +
-	"\x13LIGHT_SAMPLING_BSDF\x10\x03*a\n" +
+	"\x13LIGHT_SAMPLING_BSDF\x10\x03*\xbe\x01\n" +
 	"\n" +
 	"KernelKind\x12\x1b\n" +
 	"\x17KERNEL_KIND_UNSPECIFIED\x10\x00\x12\x1c\n" +
 	"\x18KERNEL_KIND_KELEMEN_PAIR\x10\x01\x12\x18\n" +
-	"\x14KERNEL_KIND_GAUSSIAN\x10\x02B/Z-metrofarm/services/gen/metrofarm/job/v1;jobv1b\x06proto3"
+	"\x14KERNEL_KIND_GAUSSIAN\x10\x02\x12\"\n" +
+	"\x1eKERNEL_KIND_KELEMEN_COORDINATE\x10\x03\x12\x1e\n" +
+	"\x1aKERNEL_KIND_WRAPPED_CAUCHY\x10\x04\x12\x17\n" +
+	"\x13KERNEL_KIND_UNIFORM\x10\x05*Y\n" +
+	"\n" +
+	"SecondMove\x12\x1b\n" +
+	"\x17SECOND_MOVE_UNSPECIFIED\x10\x00\x12\x17\n" +
+	"\x13SECOND_MOVE_ORBITAL\x10\x01\x12\x15\n" +
+	"\x11SECOND_MOVE_LOCAL\x10\x02*\\\n" +
+	"\bAngleLaw\x12\x19\n" +
+	"\x15ANGLE_LAW_UNSPECIFIED\x10\x00\x12\x1c\n" +
+	"\x18ANGLE_LAW_WRAPPED_CAUCHY\x10\x01\x12\x17\n" +
+	"\x13ANGLE_LAW_VON_MISES\x10\x02*\x90\x01\n" +
+	"\x0eAcceptanceRule\x12\x1f\n" +
+	"\x1bACCEPTANCE_RULE_UNSPECIFIED\x10\x00\x12\x1b\n" +
+	"\x17ACCEPTANCE_RULE_ORBITAL\x10\x01\x12 \n" +
+	"\x1cACCEPTANCE_RULE_TIERNEY_MIRA\x10\x02\x12\x1e\n" +
+	"\x1aACCEPTANCE_RULE_GREEN_MIRA\x10\x03*e\n" +
+	"\fLayerWeights\x12\x1d\n" +
+	"\x19LAYER_WEIGHTS_UNSPECIFIED\x10\x00\x12\x1b\n" +
+	"\x17LAYER_WEIGHTS_TWO_LAYER\x10\x01\x12\x19\n" +
+	"\x15LAYER_WEIGHTS_KELEMEN\x10\x02*~\n" +
+	"\x13TechniqueCoordinate\x12$\n" +
+	" TECHNIQUE_COORDINATE_UNSPECIFIED\x10\x00\x12\x1f\n" +
+	"\x1bTECHNIQUE_COORDINATE_FROZEN\x10\x01\x12 \n" +
+	"\x1cTECHNIQUE_COORDINATE_MUTATED\x10\x02B/Z-metrofarm/services/gen/metrofarm/job/v1;jobv1b\x06proto3"
 
 var (
 	file_metrofarm_job_v1_spec_proto_rawDescOnce sync.Once
@@ -507,25 +1177,41 @@ func file_metrofarm_job_v1_spec_proto_rawDescGZIP() []byte {
 	return file_metrofarm_job_v1_spec_proto_rawDescData
 }
 
-var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 3)
-var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 2)
+var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 9)
+var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 4)
 var file_metrofarm_job_v1_spec_proto_goTypes = []any{
-	(Integrator)(0),      // 0: metrofarm.job.v1.Integrator
-	(LightSampling)(0),   // 1: metrofarm.job.v1.LightSampling
-	(KernelKind)(0),      // 2: metrofarm.job.v1.KernelKind
-	(*Kernel)(nil),       // 3: metrofarm.job.v1.Kernel
-	(*ResolvedSpec)(nil), // 4: metrofarm.job.v1.ResolvedSpec
+	(Integrator)(0),          // 0: metrofarm.job.v1.Integrator
+	(Under)(0),               // 1: metrofarm.job.v1.Under
+	(LightSampling)(0),       // 2: metrofarm.job.v1.LightSampling
+	(KernelKind)(0),          // 3: metrofarm.job.v1.KernelKind
+	(SecondMove)(0),          // 4: metrofarm.job.v1.SecondMove
+	(AngleLaw)(0),            // 5: metrofarm.job.v1.AngleLaw
+	(AcceptanceRule)(0),      // 6: metrofarm.job.v1.AcceptanceRule
+	(LayerWeights)(0),        // 7: metrofarm.job.v1.LayerWeights
+	(TechniqueCoordinate)(0), // 8: metrofarm.job.v1.TechniqueCoordinate
+	(*Kernel)(nil),           // 9: metrofarm.job.v1.Kernel
+	(*DelayedRejection)(nil), // 10: metrofarm.job.v1.DelayedRejection
+	(*ResolvedSpec)(nil),     // 11: metrofarm.job.v1.ResolvedSpec
+	(*AutoDecision)(nil),     // 12: metrofarm.job.v1.AutoDecision
 }
 var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
-	2, // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
-	0, // 1: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
-	1, // 2: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
-	3, // 3: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
-	4, // [4:4] is the sub-list for method output_type
-	4, // [4:4] is the sub-list for method input_type
-	4, // [4:4] is the sub-list for extension type_name
-	4, // [4:4] is the sub-list for extension extendee
-	0, // [0:4] is the sub-list for field type_name
+	3,  // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
+	4,  // 1: metrofarm.job.v1.DelayedRejection.move:type_name -> metrofarm.job.v1.SecondMove
+	5,  // 2: metrofarm.job.v1.DelayedRejection.angle_law:type_name -> metrofarm.job.v1.AngleLaw
+	6,  // 3: metrofarm.job.v1.DelayedRejection.acceptance_rule:type_name -> metrofarm.job.v1.AcceptanceRule
+	0,  // 4: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
+	2,  // 5: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
+	9,  // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
+	1,  // 7: metrofarm.job.v1.ResolvedSpec.under:type_name -> metrofarm.job.v1.Under
+	10, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
+	7,  // 9: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
+	8,  // 10: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
+	12, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
+	12, // [12:12] is the sub-list for method output_type
+	12, // [12:12] is the sub-list for method input_type
+	12, // [12:12] is the sub-list for extension type_name
+	12, // [12:12] is the sub-list for extension extendee
+	0,  // [0:12] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_job_v1_spec_proto_init() }
@@ -538,8 +1224,8 @@ func file_metrofarm_job_v1_spec_proto_init() {
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_job_v1_spec_proto_rawDesc), len(file_metrofarm_job_v1_spec_proto_rawDesc)),
-			NumEnums:      3,
-			NumMessages:   2,
+			NumEnums:      9,
+			NumMessages:   4,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

@@ -406,6 +406,134 @@ func (x *MemoryUse) GetLights() uint64 {
 	return 0
 }
 
+// Facts about a scene that decide which features it needs.
+type Structure struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// The sensor has an aperture: paths start at points of a lens.
+	Lens bool `protobuf:"varint,1,opt,name=lens,proto3" json:"lens,omitempty"`
+	// Something moves while the shutter is open: paths have a time.
+	Motion bool `protobuf:"varint,2,opt,name=motion,proto3" json:"motion,omitempty"`
+	// Shapes whose material has parts that rays go through unscattered (mask, null), groups' included.
+	MaskedShapes uint32 `protobuf:"varint,3,opt,name=masked_shapes,json=maskedShapes,proto3" json:"masked_shapes,omitempty"`
+	// Shapes that every path leaves in a direction fixed by how it came (smooth glass and mirrors):
+	// nothing can be connected to them.
+	DeltaShapes uint32 `protobuf:"varint,4,opt,name=delta_shapes,json=deltaShapes,proto3" json:"delta_shapes,omitempty"`
+	// All shapes, those of groups once.
+	Shapes uint32 `protobuf:"varint,5,opt,name=shapes,proto3" json:"shapes,omitempty"`
+	// Lights that a scattered ray can hit: shapes that shine and environments.
+	ExtendedLights uint32 `protobuf:"varint,6,opt,name=extended_lights,json=extendedLights,proto3" json:"extended_lights,omitempty"`
+	// Lights of a point or of one direction: only light sampling and light subpaths find them.
+	DeltaLights uint32 `protobuf:"varint,7,opt,name=delta_lights,json=deltaLights,proto3" json:"delta_lights,omitempty"`
+	// Environments that are an image, which need tables to be sampled.
+	EnvironmentMaps uint32 `protobuf:"varint,8,opt,name=environment_maps,json=environmentMaps,proto3" json:"environment_maps,omitempty"`
+	// Lights at infinity.
+	DistantLights uint32 `protobuf:"varint,9,opt,name=distant_lights,json=distantLights,proto3" json:"distant_lights,omitempty"`
+	// Lights seen directly are left out of the image.
+	HideEmitters  bool `protobuf:"varint,10,opt,name=hide_emitters,json=hideEmitters,proto3" json:"hide_emitters,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *Structure) Reset() {
+	*x = Structure{}
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *Structure) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*Structure) ProtoMessage() {}
+
+func (x *Structure) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use Structure.ProtoReflect.Descriptor instead.
+func (*Structure) Descriptor() ([]byte, []int) {
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{5}
+}
+
+func (x *Structure) GetLens() bool {
+	if x != nil {
+		return x.Lens
+	}
+	return false
+}
+
+func (x *Structure) GetMotion() bool {
+	if x != nil {
+		return x.Motion
+	}
+	return false
+}
+
+func (x *Structure) GetMaskedShapes() uint32 {
+	if x != nil {
+		return x.MaskedShapes
+	}
+	return 0
+}
+
+func (x *Structure) GetDeltaShapes() uint32 {
+	if x != nil {
+		return x.DeltaShapes
+	}
+	return 0
+}
+
+func (x *Structure) GetShapes() uint32 {
+	if x != nil {
+		return x.Shapes
+	}
+	return 0
+}
+
+func (x *Structure) GetExtendedLights() uint32 {
+	if x != nil {
+		return x.ExtendedLights
+	}
+	return 0
+}
+
+func (x *Structure) GetDeltaLights() uint32 {
+	if x != nil {
+		return x.DeltaLights
+	}
+	return 0
+}
+
+func (x *Structure) GetEnvironmentMaps() uint32 {
+	if x != nil {
+		return x.EnvironmentMaps
+	}
+	return 0
+}
+
+func (x *Structure) GetDistantLights() uint32 {
+	if x != nil {
+		return x.DistantLights
+	}
+	return 0
+}
+
+func (x *Structure) GetHideEmitters() bool {
+	if x != nil {
+		return x.HideEmitters
+	}
+	return false
+}
+
 // What a worker found on loading a scene.
 type SceneReport struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -454,14 +582,16 @@ type SceneReport struct {
 	// The lights, one for each shape that shines; at most the first 1000.
 	Lights []*Light `protobuf:"bytes,21,rep,name=lights,proto3" json:"lights,omitempty"`
 	// What the scene takes in memory.
-	Memory        *MemoryUse `protobuf:"bytes,22,opt,name=memory,proto3" json:"memory,omitempty"`
+	Memory *MemoryUse `protobuf:"bytes,22,opt,name=memory,proto3" json:"memory,omitempty"`
+	// What decides which features the scene needs.
+	Structure     *Structure `protobuf:"bytes,30,opt,name=structure,proto3" json:"structure,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
 func (x *SceneReport) Reset() {
 	*x = SceneReport{}
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -473,7 +603,7 @@ func (x *SceneReport) String() string {
 func (*SceneReport) ProtoMessage() {}
 
 func (x *SceneReport) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[5]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -486,7 +616,7 @@ func (x *SceneReport) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SceneReport.ProtoReflect.Descriptor instead.
 func (*SceneReport) Descriptor() ([]byte, []int) {
-	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{5}
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *SceneReport) GetWidth() uint32 {
@@ -643,6 +773,13 @@ func (x *SceneReport) GetMemory() *MemoryUse {
 	return nil
 }
 
+func (x *SceneReport) GetStructure() *Structure {
+	if x != nil {
+		return x.Structure
+	}
+	return nil
+}
+
 var File_metrofarm_scene_v1_scene_proto protoreflect.FileDescriptor
 
 const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
@@ -670,7 +807,19 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\bgeometry\x18\x01 \x01(\x04R\bgeometry\x12\"\n" +
 	"\facceleration\x18\x02 \x01(\x04R\facceleration\x12\x16\n" +
 	"\x06images\x18\x03 \x01(\x04R\x06images\x12\x16\n" +
-	"\x06lights\x18\x04 \x01(\x04R\x06lights\"\x89\t\n" +
+	"\x06lights\x18\x04 \x01(\x04R\x06lights\"\xda\x02\n" +
+	"\tStructure\x12\x12\n" +
+	"\x04lens\x18\x01 \x01(\bR\x04lens\x12\x16\n" +
+	"\x06motion\x18\x02 \x01(\bR\x06motion\x12#\n" +
+	"\rmasked_shapes\x18\x03 \x01(\rR\fmaskedShapes\x12!\n" +
+	"\fdelta_shapes\x18\x04 \x01(\rR\vdeltaShapes\x12\x16\n" +
+	"\x06shapes\x18\x05 \x01(\rR\x06shapes\x12'\n" +
+	"\x0fextended_lights\x18\x06 \x01(\rR\x0eextendedLights\x12!\n" +
+	"\fdelta_lights\x18\a \x01(\rR\vdeltaLights\x12)\n" +
+	"\x10environment_maps\x18\b \x01(\rR\x0fenvironmentMaps\x12%\n" +
+	"\x0edistant_lights\x18\t \x01(\rR\rdistantLights\x12#\n" +
+	"\rhide_emitters\x18\n" +
+	" \x01(\bR\fhideEmitters\"\xc6\t\n" +
 	"\vSceneReport\x12\x14\n" +
 	"\x05width\x18\x01 \x01(\rR\x05width\x12\x16\n" +
 	"\x06height\x18\x02 \x01(\rR\x06height\x122\n" +
@@ -696,7 +845,8 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\btextures\x18\x13 \x03(\v2-.metrofarm.scene.v1.SceneReport.TexturesEntryR\btextures\x12\x1c\n" +
 	"\tinstances\x18\x14 \x01(\rR\tinstances\x121\n" +
 	"\x06lights\x18\x15 \x03(\v2\x19.metrofarm.scene.v1.LightR\x06lights\x125\n" +
-	"\x06memory\x18\x16 \x01(\v2\x1d.metrofarm.scene.v1.MemoryUseR\x06memory\x1a8\n" +
+	"\x06memory\x18\x16 \x01(\v2\x1d.metrofarm.scene.v1.MemoryUseR\x06memory\x12;\n" +
+	"\tstructure\x18\x1e \x01(\v2\x1d.metrofarm.scene.v1.StructureR\tstructure\x1a8\n" +
 	"\n" +
 	"BsdfsEntry\x12\x10\n" +
 	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
@@ -733,7 +883,7 @@ func file_metrofarm_scene_v1_scene_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_scene_v1_scene_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 11)
+var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 12)
 var file_metrofarm_scene_v1_scene_proto_goTypes = []any{
 	(Filter)(0),            // 0: metrofarm.scene.v1.Filter
 	(*BundleFile)(nil),     // 1: metrofarm.scene.v1.BundleFile
@@ -741,28 +891,30 @@ var file_metrofarm_scene_v1_scene_proto_goTypes = []any{
 	(*SceneRef)(nil),       // 3: metrofarm.scene.v1.SceneRef
 	(*Light)(nil),          // 4: metrofarm.scene.v1.Light
 	(*MemoryUse)(nil),      // 5: metrofarm.scene.v1.MemoryUse
-	(*SceneReport)(nil),    // 6: metrofarm.scene.v1.SceneReport
-	nil,                    // 7: metrofarm.scene.v1.SceneRef.DefaultsEntry
-	nil,                    // 8: metrofarm.scene.v1.SceneReport.BsdfsEntry
-	nil,                    // 9: metrofarm.scene.v1.SceneReport.EmittersEntry
-	nil,                    // 10: metrofarm.scene.v1.SceneReport.ShapesEntry
-	nil,                    // 11: metrofarm.scene.v1.SceneReport.TexturesEntry
+	(*Structure)(nil),      // 6: metrofarm.scene.v1.Structure
+	(*SceneReport)(nil),    // 7: metrofarm.scene.v1.SceneReport
+	nil,                    // 8: metrofarm.scene.v1.SceneRef.DefaultsEntry
+	nil,                    // 9: metrofarm.scene.v1.SceneReport.BsdfsEntry
+	nil,                    // 10: metrofarm.scene.v1.SceneReport.EmittersEntry
+	nil,                    // 11: metrofarm.scene.v1.SceneReport.ShapesEntry
+	nil,                    // 12: metrofarm.scene.v1.SceneReport.TexturesEntry
 }
 var file_metrofarm_scene_v1_scene_proto_depIdxs = []int32{
 	1,  // 0: metrofarm.scene.v1.BundleManifest.files:type_name -> metrofarm.scene.v1.BundleFile
-	7,  // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
+	8,  // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
 	0,  // 2: metrofarm.scene.v1.SceneReport.filter:type_name -> metrofarm.scene.v1.Filter
-	8,  // 3: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
-	9,  // 4: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
-	10, // 5: metrofarm.scene.v1.SceneReport.shapes:type_name -> metrofarm.scene.v1.SceneReport.ShapesEntry
-	11, // 6: metrofarm.scene.v1.SceneReport.textures:type_name -> metrofarm.scene.v1.SceneReport.TexturesEntry
+	9,  // 3: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
+	10, // 4: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
+	11, // 5: metrofarm.scene.v1.SceneReport.shapes:type_name -> metrofarm.scene.v1.SceneReport.ShapesEntry
+	12, // 6: metrofarm.scene.v1.SceneReport.textures:type_name -> metrofarm.scene.v1.SceneReport.TexturesEntry
 	4,  // 7: metrofarm.scene.v1.SceneReport.lights:type_name -> metrofarm.scene.v1.Light
 	5,  // 8: metrofarm.scene.v1.SceneReport.memory:type_name -> metrofarm.scene.v1.MemoryUse
-	9,  // [9:9] is the sub-list for method output_type
-	9,  // [9:9] is the sub-list for method input_type
-	9,  // [9:9] is the sub-list for extension type_name
-	9,  // [9:9] is the sub-list for extension extendee
-	0,  // [0:9] is the sub-list for field type_name
+	6,  // 9: metrofarm.scene.v1.SceneReport.structure:type_name -> metrofarm.scene.v1.Structure
+	10, // [10:10] is the sub-list for method output_type
+	10, // [10:10] is the sub-list for method input_type
+	10, // [10:10] is the sub-list for extension type_name
+	10, // [10:10] is the sub-list for extension extendee
+	0,  // [0:10] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_scene_v1_scene_proto_init() }
@@ -776,7 +928,7 @@ func file_metrofarm_scene_v1_scene_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_scene_v1_scene_proto_rawDesc), len(file_metrofarm_scene_v1_scene_proto_rawDesc)),
 			NumEnums:      1,
-			NumMessages:   11,
+			NumMessages:   12,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

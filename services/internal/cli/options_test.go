@@ -1,0 +1,93 @@
+package cli
+
+import (
+	"fmt"
+	"os"
+	"strings"
+	"testing"
+
+	"metrofarm/services/internal/job"
+)
+
+func TestHelpHasEveryOption(t *testing.T) {
+	b := newBench(t, listsScene)
+	if code := b.run(t, "render", "--help"); code != 0 {
+		t.Fatal(b.stderr.String())
+	}
+	help := b.stdout.String()
+	for _, option := range job.Options() {
+		line := strings.TrimSpace("--" + option.Flag + " " + option.Takes())
+		if !strings.Contains(help, "  "+line) || !strings.Contains(help, option.Help()) {
+			t.Errorf("the help does not have %q with %q", line, option.Help())
+		}
+	}
+}
+
+func TestFlagsReachTheRequest(t *testing.T) {
+	var r requestFlags
+	f := newFlags("render", newBench(t, listsScene).env)
+	r.register(f)
+	arguments := []string{
+		"--integrator", "mmlt", "--delayed-rejection", "on", "--second-stage", "von-mises", "--concentration", "5",
+		"--acceptance-rule", "tierney-mira", "--after-large-steps", "--technique-coordinate", "mutated",
+		"--layer-weights", "kelemen", "--kernel", "uniform", "--half-width", "0.1", "--max-depth", "7", "scene.xml",
+	}
+	if _, err := f.parse(arguments, 1, 1); err != nil {
+		t.Fatal(err)
+	}
+	if err := r.finish(); err != nil {
+		t.Fatal(err)
+	}
+	depth := 7
+	want := job.Request{
+		Integrator: "mmlt", DelayedRejection: "on", SecondStage: "von-mises", Concentration: 5, AcceptanceRule: "tierney-mira",
+		AfterLargeSteps: true, TechniqueCoordinate: "mutated", LayerWeights: "kelemen", Kernel: "uniform", HalfWidth: 0.1,
+	}
+	got := r.request
+	if got.MaxDepth == nil || *got.MaxDepth != depth {
+		t.Errorf("max depth %v", got.MaxDepth)
+	}
+	got.MaxDepth = nil
+	if fmt.Sprintf("%+v", got) != fmt.Sprintf("%+v", want) {
+		t.Errorf("request %+v, want %+v", got, want)
+	}
+}
+
+// optionTable is the table of the README.
+func optionTable() string {
+	var table strings.Builder
+	table.WriteString("| flag | field of a job | meaning |\n| --- | --- | --- |\n")
+	for _, option := range job.Options() {
+		flag := strings.TrimSpace("--" + option.Flag + " " + strings.ReplaceAll(option.Takes(), "|", "\\|"))
+		fmt.Fprintf(&table, "| `%s` | `%s` | %s |\n", flag, option.Field, strings.ReplaceAll(option.Help(), "<default>", "`<default>`"))
+	}
+	return table.String()
+}
+
+// TestReadmeHasTheOptions compares; METROFARM_UPDATE=1 writes the README's table anew.
+func TestReadmeHasTheOptions(t *testing.T) {
+	const (
+		readme = "../../../README.md"
+		begin  = "<!-- options: generated from services/internal/job -->\n"
+		end    = "<!-- end of options -->\n"
+	)
+	content, err := os.ReadFile(readme)
+	if err != nil {
+		t.Fatal(err)
+	}
+	before, rest, found := strings.Cut(string(content), begin)
+	old, after, closed := strings.Cut(rest, end)
+	if !found || !closed {
+		t.Fatalf("%s has no place for the options", readme)
+	}
+	switch {
+	case old == optionTable():
+	case os.Getenv("METROFARM_UPDATE") != "":
+		err = os.WriteFile(readme, []byte(before+begin+optionTable()+end+after), 0o600)
+	default:
+		t.Errorf("the options in %s are not those of the program: run this test with METROFARM_UPDATE=1", readme)
+	}
+	if err != nil {
+		t.Fatal(err)
+	}
+}
