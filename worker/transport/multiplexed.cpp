@@ -34,7 +34,7 @@ void MultiplexedTracer::trace(primary_space::SampleSource& source, const RasterW
   const Float count = select(equal(edges, Int(1)), Float(1.F), to_float(edges + Int(1)));
   Technique technique{.all = false, .edges = edges, .light_vertices = truncate(u.second * count)};
   trace_technique(source, window, technique, lanes, out);
-  out.scale(count / gather(probability_.data(), index, lanes));
+  out.scale(keep(lanes, count / gather(probability_.data(), index, lanes)));
 }
 
 }  // namespace metrofarm::transport

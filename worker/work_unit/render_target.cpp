@@ -58,7 +58,7 @@ Float RenderTarget::evaluate(primary_space::SampleSource& source, Which into, Ma
   const Spectrum total = c.total();
   const Mask sound = diagnostics::sound(total);
   if (!estimator_->incidents().empty()) log_incidents(source);
-  if (!all(sound)) {
+  if (any(lanes & ~sound)) {
     anomalies_.count(diagnostics::AnomalyKind::kInfinite);
     for (transport::Splat& s : c.splats) s.radiance = keep(sound, s.radiance);
   }

@@ -94,28 +94,54 @@ TEST(ToSpec, ChainsNeedTheirChoices) {
             "technique_coordinate"));
 }
 
-TEST(ToSpec, WhatIsNotBuiltIsRefused) {
-  const auto not_built = [](const std::string& message) {
-    return message.find("not in this build") != std::string::npos;
-  };
+TEST(ToSpec, BidirectionalTracingIsTaken) {
   const auto bidirectional = [](ResolvedSpec& s) {
     s.set_max_depth(8);
     s.set_light_sampling(job::v1::LIGHT_SAMPLING_MIS);
   };
-  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
-    bidirectional(s);
-    s.set_integrator(job::v1::INTEGRATOR_BDPT);
-  })));
-  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
-    bidirectional(s);
-    s.set_under(job::v1::UNDER_BDPT);
-  })));
-  EXPECT_TRUE(not_built(error_after([&](ResolvedSpec& s) {
-    bidirectional(s);
-    s.set_integrator(job::v1::INTEGRATOR_MMLT);
-    s.set_technique_coordinate(job::v1::TECHNIQUE_COORDINATE_MUTATED);
-    for (double p : {0.5, 0.25, 0.125, 0.125, 0.0, 0.0, 0.0, 0.0}) s.add_length_probabilities(p);
-  })));
+  EXPECT_EQ(error_after([&](ResolvedSpec& s) {
+              bidirectional(s);
+              s.set_integrator(job::v1::INTEGRATOR_BDPT);
+            }),
+            "");
+  EXPECT_EQ(error_after([&](ResolvedSpec& s) {
+              bidirectional(s);
+              s.set_under(job::v1::UNDER_BDPT);
+            }),
+            "");
+  EXPECT_EQ(error_after([&](ResolvedSpec& s) {
+              bidirectional(s);
+              s.set_integrator(job::v1::INTEGRATOR_MMLT);
+              s.set_technique_coordinate(job::v1::TECHNIQUE_COORDINATE_MUTATED);
+              for (double p : {0.5, 0.25, 0.125, 0.125, 0.0, 0.0, 0.0, 0.0})
+                s.add_length_probabilities(p);
+            }),
+            "");
+}
+
+TEST(ToSpec, SecondStagesAreTakenOrNamed) {
+  const auto second = [](job::v1::KernelKind kernel, job::v1::AcceptanceRule rule) {
+    return error_after([&](ResolvedSpec& s) {
+      s.mutable_kernel()->set_kind(kernel);
+      s.mutable_kernel()->set_s1(0.001);
+      s.mutable_kernel()->set_s2(0.02);
+      s.mutable_kernel()->set_scale(0.01);
+      s.mutable_kernel()->set_half_width(0.01);
+      auto& d = *s.mutable_delayed_rejection();
+      d.set_enabled(true);
+      d.set_move(job::v1::SECOND_MOVE_ORBITAL);
+      d.set_angle_law(job::v1::ANGLE_LAW_WRAPPED_CAUCHY);
+      d.set_concentration(0.7);
+      d.set_local_scale(0.25);
+      d.set_acceptance_rule(rule);
+    });
+  };
+  EXPECT_EQ(second(job::v1::KERNEL_KIND_KELEMEN_PAIR, job::v1::ACCEPTANCE_RULE_ORBITAL), "");
+  EXPECT_EQ(second(job::v1::KERNEL_KIND_WRAPPED_CAUCHY, job::v1::ACCEPTANCE_RULE_TIERNEY_MIRA), "");
+  EXPECT_NE(second(job::v1::KERNEL_KIND_WRAPPED_CAUCHY, job::v1::ACCEPTANCE_RULE_ORBITAL), "");
+  EXPECT_NE(second(job::v1::KERNEL_KIND_KELEMEN_PAIR, job::v1::ACCEPTANCE_RULE_UNSPECIFIED)
+                .find("spec.delayed_rejection.acceptance_rule"),
+            std::string::npos);
 }
 
 TEST(ToSpec, PathTracingNeedsNoKernel) {
