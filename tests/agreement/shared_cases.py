@@ -180,7 +180,7 @@ CASES = [
     mitsuba_test("test-directional", "floating_sphere/test_directional_direct"),
     mitsuba_test("test-instancing", "instancing/test_instancing_path"),
     mitsuba_test("test-orthographic", "orthographic_sensor/test_orthographic_path", 40, 24),
-    # Two lights of very different power: ours rarely chooses the spot.
+    # Two lights of very different power.
     SharedCase(
         "test-spot",
         "mitsuba-tests/tests/scenes/spot_light/test_spot_direct.xml",

@@ -14,6 +14,9 @@ using geometry::Primitives;
 
 constexpr double kPiDouble = std::numbers::pi;
 
+// Of half the angle that vertex normals and geometric normal fill together.
+constexpr double kLeastUpright = 0.95;
+
 Double3 three(const float* v) {
   return {v[0], v[1], v[2]};
 }
@@ -34,7 +37,9 @@ Double3 turned(const Double3& v, double sign) {
   return {v[0] * sign, v[1] * sign, v[2] * sign};
 }
 
-// Vertex normals say which side radiates, the geometric normal how much.
+// Vertex normals say which side radiates, the geometric normal how much. Where they lean away from
+// it light leaves the back too, most of it near the horizon of the vertex normals: then the light
+// is taken to shine everywhere.
 Cone normals_of_triangle(const Primitives& p, const int32_t* index, const Double3& geometric,
                          size_t shape) {
   const double sign = p.normal_sign[shape];
@@ -47,7 +52,8 @@ Cone normals_of_triangle(const Primitives& p, const int32_t* index, const Double
   const Cone shading = cone_around(normals);
   const double side = dot(shading.axis, geometric) < 0 ? -1 : 1;
   const Double3 n = turned(geometric, side);
-  return cone_around(shading, cone_around({n, n, n}));
+  const Cone both = cone_around(shading, cone_around({n, n, n}));
+  return both.cosine < kLeastUpright ? Cone{both.axis, kAllDirections} : both;
 }
 
 LightBounds bounds_of_triangle(const Primitives& p, size_t triangle, size_t shape) {

@@ -30,20 +30,20 @@ struct RowValues {
 void load_eight(const float* rows, const int32_t* start, int first, Float* out) {
   __m256 r[8];
   for (int lane = 0; lane < kLanes; ++lane) r[lane] = _mm256_loadu_ps(rows + start[lane] + first);
-  __m256 pairs[8];
-  for (int i = 0; i < 4; ++i) {
-    pairs[2 * i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
-    pairs[2 * i + 1] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+  // Lanes 0 and 1, 2 and 3 ... side by side; then lanes 0 to 3 and 4 to 7 of numbers k and k + 4.
+  __m256 low[4], high[4], fours[8];
+  for (size_t i = 0; i < 4; ++i) {
+    low[i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+    high[i] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
   }
-  __m256 fours[8];  // of lanes 0 to 3, then of lanes 4 to 7: numbers k and k + 4
-  for (int half = 0; half < 2; ++half) {
-    const __m256* p = pairs + 4 * half;
-    fours[4 * half] = _mm256_shuffle_ps(p[0], p[2], 0x44);
-    fours[4 * half + 1] = _mm256_shuffle_ps(p[0], p[2], 0xee);
-    fours[4 * half + 2] = _mm256_shuffle_ps(p[1], p[3], 0x44);
-    fours[4 * half + 3] = _mm256_shuffle_ps(p[1], p[3], 0xee);
+  for (size_t half = 0; half < 2; ++half) {
+    const size_t p = 2 * half, to = 4 * half;
+    fours[to] = _mm256_shuffle_ps(low[p], low[p + 1], 0x44);
+    fours[to + 1] = _mm256_shuffle_ps(low[p], low[p + 1], 0xee);
+    fours[to + 2] = _mm256_shuffle_ps(high[p], high[p + 1], 0x44);
+    fours[to + 3] = _mm256_shuffle_ps(high[p], high[p + 1], 0xee);
   }
-  for (int k = 0; k < 4; ++k) {
+  for (size_t k = 0; k < 4; ++k) {
     out[k] = _mm256_permute2f128_ps(fours[k], fours[4 + k], 0x20);
     out[k + 4] = _mm256_permute2f128_ps(fours[k], fours[4 + k], 0x31);
   }
@@ -61,8 +61,8 @@ RowValues load_rows(const float* rows, Int row, Mask lanes) {
 }
 
 Child child_of(const RowValues& row, int side) {
-  const Float* v = row.v + side * kChildStride;
-  const Float* angles = row.v + kAngles + side * kAnglesStride;
+  const Float* v = row.v + ptrdiff_t{side} * kChildStride;
+  const Float* angles = row.v + kAngles + ptrdiff_t{side} * kAnglesStride;
   return {{v[kCenter], v[kCenter + 1], v[kCenter + 2]},
           v[kRadius2],
           {v[kAxis], v[kAxis + 1], v[kAxis + 2]},
