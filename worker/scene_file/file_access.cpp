@@ -29,7 +29,9 @@ fs::path directory_of(const fs::path& file) {
 }  // namespace
 
 FileAccess::FileAccess(const fs::path& main_file, const LoadOptions& options)
-    : directories_{directory_of(main_file)}, file_read_(options.file_read) {
+    : directories_{directory_of(main_file)},
+      file_read_(options.file_read),
+      memory_(options.max_bytes) {
   if (options.root.empty()) return;
   std::error_code error;
   root_ = fs::canonical(options.root, error);

@@ -1,6 +1,7 @@
 // Turns a scene file of any supported format into a scene::SceneDescription.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -28,6 +29,10 @@ struct LoadOptions {
   // If not empty, every file that is read (the scene file too) must lie inside this directory after
   // symbolic links are resolved.
   std::filesystem::path root = {};
+
+  // Memory that meshes and images may take once decoded, all together. Each file is limited too, in
+  // proportion to its size (base/decode_limit.h).
+  uint64_t max_bytes = uint64_t{16} << 30;
 };
 
 // The importer is chosen by the file's extension. The result has at least one shape, at least one
