@@ -43,7 +43,8 @@ std::optional<Error> MemoryBudget::take_object() {
 }
 
 std::optional<Error> MemoryBudget::take(uint64_t bytes) {
-  if ((used_ += bytes) <= limit_) return std::nullopt;
+  const uint64_t used = used_ += bytes;
+  if (used <= limit_) return std::nullopt;
   return Error{"with it the shapes and images of the scene take more than the " +
                std::to_string(limit_) + " bytes of memory that are allowed"};
 }
