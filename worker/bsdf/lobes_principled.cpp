@@ -18,10 +18,12 @@ struct Mixture {
     const Float specular_share = p.number(P::kSpecularRate);
     const Float coat_share = Float(0.25F) * p.number(P::kClearcoat) * p.number(P::kClearcoatRate);
     const Float diffuse_share = reflecting * p.number(P::kDiffuseRate);
-    const Float inverse = Float(1.F) / (specular_share + coat_share + diffuse_share);
-    specular = select(front, specular_share * inverse, Float(1.F));
-    clearcoat = keep(front, coat_share * inverse);
-    diffuse = keep(front, diffuse_share * inverse);
+    const Float sum = specular_share + coat_share + diffuse_share;
+    // Rates and weights may leave nothing to choose from: the specular part then stands for all.
+    const Mask choice = front & (sum > Float(0.F));
+    specular = select(choice, specular_share / sum, Float(1.F));
+    clearcoat = keep(choice, coat_share / sum);
+    diffuse = keep(choice, diffuse_share / sum);
   }
 
   // Share of the specular part that crosses a facet of this reflectance.

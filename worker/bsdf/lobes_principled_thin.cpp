@@ -16,8 +16,9 @@ struct Mixture {
     spec_transmit = half * p.number(P::kSpecTransmitRate);
     diffuse_reflect = rest * (Float(1.F) - through) * p.number(P::kDiffuseReflectRate);
     diffuse_transmit = rest * through * p.number(P::kDiffuseTransmitRate);
-    const Float inverse =
-        Float(1.F) / (spec_reflect + spec_transmit + diffuse_reflect + diffuse_transmit);
+    const Float sum = spec_reflect + spec_transmit + diffuse_reflect + diffuse_transmit;
+    // Rates and weights may leave nothing to choose from: then nothing is sampled.
+    const Float inverse = keep(sum > Float(0.F), Float(1.F) / sum);
     spec_reflect = spec_reflect * inverse;
     spec_transmit = spec_transmit * inverse;
     diffuse_reflect = diffuse_reflect * inverse;

@@ -33,7 +33,7 @@ void set_position(const scene::Matrix& to_world, float* row) {
 }
 
 void set_orientation(const scene::Matrix& to_world, float* row) {
-  const LinearMap inverse = inverse_turn(to_world);
+  const scene::Linear inverse = inverse_turn(to_world);
   for (int k = 0; k < 9; ++k) row[kWorldToLight + k] = static_cast<float>(inverse[k]);
 }
 
@@ -232,7 +232,7 @@ LightSample DeltaLights::sample(Int light, const Vec3& reference, Mask lanes) co
 
 Spectrum DeltaLights::textured(Int light, const Spectrum& value, Vec2 uv, Mask lanes) const {
   const Int texture = gather(texture_.data(), light, lanes);
-  const Mask coloured = lanes & as_mask(_mm256_cmpgt_epi32(texture, _mm256_set1_epi32(-1)));
+  const Mask coloured = lanes & less(Int(scene::kNone), texture);
   if (none(coloured)) return value;
   geometry::SurfacePoint point{};
   point.uv = uv;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "emitter/light_weight.h"
@@ -36,7 +37,7 @@ EnvironmentMap::EnvironmentMap(const scene::EnvironmentEmitter& emitter,
       width_(images.width(emitter.image)),
       height_(images.height(emitter.image)),
       rows_(std::max(height_ - 1, 1)) {
-  const LinearMap forward = turn(emitter.to_world), backward = inverse_turn(emitter.to_world);
+  const scene::Linear forward = turn(emitter.to_world), backward = inverse_turn(emitter.to_world);
   for (int k = 0; k < 9; ++k) {
     to_world_[k] = static_cast<float>(forward[k]);
     to_local_[k] = static_cast<float>(backward[k]);
@@ -56,7 +57,7 @@ void EnvironmentMap::measure_rows() {
 
 void EnvironmentMap::build_tables() {
   column_cdf_.resize(size_t(width_) * rows_);
-  std::vector<double> power(rows_);
+  std::vector<double> power(rows_), bands(rows_);
   std::vector<float> upper, lower;  // weights of the pixels at a row's edges
   weigh_row(0, lower);
   for (int row = 0; row < rows_; ++row) {
@@ -64,26 +65,34 @@ void EnvironmentMap::build_tables() {
     weigh_row(std::min(row + 1, height_ - 1), lower);
     const double angle = kPiDouble / rows_;
     // cos a - cos b without cancellation.
-    const double band = 2 * std::sin((row + 0.5) * angle) * std::sin(angle / 2);
-    power[row] = add_row(upper, lower, &column_cdf_[size_t(row) * width_]) * band;
+    bands[row] = 2 * std::sin((row + 0.5) * angle) * std::sin(angle / 2);
+    power[row] = add_row(upper, lower, row) * bands[row];
   }
   row_cdf_.resize(rows_);
-  const double total = accumulate_cdf(power, row_cdf_.data());
+  pdf_of_row_.assign(rows_, 0.F);
+  const double total = std::accumulate(power.begin(), power.end(), 0.0);
   // Of the sphere: bands of 2 pi / width each, divided by 4 pi.
-  const double mean = total / width_ / 2;
-  mean_weight_ = mean * scale_;
-  pdf_per_weight_ = mean > 0 ? static_cast<float>(1 / (4 * kPiDouble * mean)) : 0.F;
+  mean_weight_ = total / width_ / 2 * scale_;
+  if (!(total > 0)) return;
+  std::vector<float> picks(rows_);
+  quantize_cdf(power, row_cdf_, picks);
+  for (int row = 0; row < rows_; ++row)
+    pdf_of_row_[row] = static_cast<float>(picks[row] * width_ / (2 * kPiDouble * bands[row]));
 }
 
 // A row's conditional distribution; returns the sum of the cells' mean weights.
 double EnvironmentMap::add_row(const std::vector<float>& upper, const std::vector<float>& lower,
-                               float* cdf) const {
+                               int row) {
   std::vector<double> weights(width_);
   for (int x = 0; x < width_; ++x) {
     const int next = x + 1 == width_ ? 0 : x + 1;
     weights[x] = (double(upper[x]) + upper[next] + lower[x] + lower[next]) / 4;
   }
-  return accumulate_cdf(weights, cdf);
+  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  std::vector<float> picks(width_);
+  const auto count = static_cast<size_t>(width_);
+  if (total > 0) quantize_cdf(weights, {&column_cdf_[row * count], count}, picks);
+  return total;
 }
 
 void EnvironmentMap::weigh_row(int row, std::vector<float>& weights) const {
@@ -157,15 +166,30 @@ Spectrum EnvironmentMap::radiance(const Vec3& direction, Mask lanes) const {
   return keep(lanes, value * Float(scale_));
 }
 
+// Of the cell's column within its row.
+Float EnvironmentMap::pick_of_column(const Cell& cell, Mask lanes) const {
+  const Int at = cell.row * Int(width_) + cell.column;
+  const Mask later = lanes & ~equal(cell.column, Int(0));
+  return gather(column_cdf_.data(), at, lanes) - gather(column_cdf_.data(), at - Int(1), later);
+}
+
 Float EnvironmentMap::pdf_solid_angle(const Vec3& direction, Mask lanes) const {
   const Vec3 local = apply(to_local_, direction);
   const Float size = length(local);
   const Place p = place_of(local / size, lanes);
   const Corners c = corners(p.cell, lanes);
-  const Float weight = mix(mix(weight_of(c.upper), weight_of(c.upper_next), p.across),
-                           mix(weight_of(c.lower), weight_of(c.lower_next), p.across), p.drop);
+  const Float upper = weight_of(c.upper), upper_next = weight_of(c.upper_next);
+  const Float lower = weight_of(c.lower), lower_next = weight_of(c.lower_next);
+  const Float weight =
+      mix(mix(upper, upper_next, p.across), mix(lower, lower_next, p.across), p.drop);
+  const Float quarter(0.25F);  // before the sum, which might overflow
+  const Float mean =
+      (upper * quarter + upper_next * quarter) + (lower * quarter + lower_next * quarter);
+  // The probability of the cell, spread over it in proportion to the weight.
+  const Float cell = pick_of_column(p.cell, lanes) * gather(pdf_of_row_.data(), p.cell.row, lanes);
+  const Mask lit = lanes & (mean > Float(0.F));
   // A map that shears magnifies solid angles by 1 / size^3 (its determinant is 1).
-  return keep(lanes, weight * Float(pdf_per_weight_) / (size * size * size));
+  return keep(lit, cell * (weight / mean) / (size * size * size));
 }
 
 Vec3 EnvironmentMap::sample(Vec2 u, Mask lanes) const {
@@ -193,7 +217,7 @@ Vec3 EnvironmentMap::sample(Vec2 u, Mask lanes) const {
 
 uint64_t EnvironmentMap::bytes() const {
   return (from_top_.capacity() + from_bottom_.capacity() + row_cdf_.capacity() +
-          column_cdf_.capacity()) *
+          pdf_of_row_.capacity() + column_cdf_.capacity()) *
          sizeof(float);
 }
 

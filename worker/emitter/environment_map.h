@@ -23,7 +23,7 @@ class EnvironmentMap {
   // direction: unit, away from the scene.
   Spectrum radiance(const Vec3& direction, Mask lanes) const;
   // Of the directions that sample() gives: bilinear between pixels as the radiance is, but in
-  // latitudes linear in their cosine. Above zero wherever there is radiance.
+  // latitudes linear in their cosine. Above zero wherever there is radiance, however little.
   Float pdf_solid_angle(const Vec3& direction, Mask lanes) const;
   // A unit direction. Requires: mean_weight() > 0. A step of u is a small step of the direction
   // unless it leaves a dark part of the map.
@@ -55,8 +55,8 @@ class EnvironmentMap {
 
   void measure_rows();
   void build_tables();
-  double add_row(const std::vector<float>& upper, const std::vector<float>& lower,
-                 float* cdf) const;
+  double add_row(const std::vector<float>& upper, const std::vector<float>& lower, int row);
+  Float pick_of_column(const Cell& cell, Mask lanes) const;
   void weigh_row(int row, std::vector<float>& weights) const;
   Cell cell_at(Int column, Int row) const;
   Place place_of(const Vec3& local, Mask lanes) const;
@@ -74,7 +74,7 @@ class EnvironmentMap {
   std::vector<float> from_bottom_;  // at the lower edge of the last
   std::vector<float> row_cdf_;      // upper end of each row's part of [0, 1)
   std::vector<float> column_cdf_;   // width_ per row: the same within the row
-  float pdf_per_weight_ = 0;        // pdf_solid_angle in the map's space over a pixel's weight
+  std::vector<float> pdf_of_row_;   // pdf_solid_angle of the row over width_, all columns alike
   double mean_weight_ = 0;
 };
 

@@ -27,7 +27,7 @@ std::vector<LightTree::Leaf> leaves_of(const std::vector<LightSelection::Light>&
 
 WeightTable::WeightTable(std::span<const double> weights, int32_t skipped)
     : cdf_(weights.size()), pick_(weights.size()) {
-  quantize_cdf(weights, skipped, cdf_, pick_);
+  quantize_cdf(weights, cdf_, pick_, skipped);
 }
 
 LightChoice WeightTable::choose(Float choice, Mask lanes) const {

@@ -10,28 +10,16 @@
 
 namespace metrofarm::emitter {
 
-// Running sums of the weights over their total, which is returned. The last entry that a weight
-// above zero leads to is exactly 1, so that nothing after it is ever found. Zeros if all weights
-// are.
-inline double accumulate_cdf(std::span<const double> weights, float* cdf) {
-  double total = 0;
-  for (double w : weights) total += w;
-  double sum = 0;
-  for (size_t i = 0; i < weights.size(); ++i) {
-    sum += weights[i];
-    cdf[i] = total > 0 ? static_cast<float>(sum / total) : 0.F;
-  }
-  return total;
-}
-
 // Steps of the numbers that choose.
 inline constexpr double kChoiceSteps = 0x1p24;
 
-// The same in whole steps, of which the first `skipped` are left to others: `picks` are then the
-// exact probabilities. Every weight above zero gets at least one step. Requires: fewer weights than
-// half the steps that there are, some above zero.
-inline void quantize_cdf(std::span<const double> weights, int32_t skipped, std::span<float> cdf,
-                         std::span<float> picks) {
+// Running sums of the weights over their total, in whole steps, of which the first `skipped` are
+// left to others: `picks`, the differences, are then the exact probabilities. Every weight above
+// zero gets at least one step. The last entry that such a weight leads to is exactly 1, so that
+// nothing after it is ever found. Requires: fewer weights than half the steps that there are, some
+// above zero.
+inline void quantize_cdf(std::span<const double> weights, std::span<float> cdf,
+                         std::span<float> picks, int32_t skipped = 0) {
   double total = 0;
   for (double w : weights) total += w;
   const double all = kChoiceSteps - skipped;

@@ -1,10 +1,10 @@
 #include "geometry/instances.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "base/check.h"
+#include "scene/linear.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -13,22 +13,7 @@ constexpr int kNormalMatrix = 12;  // columns of Primitives::instances
 constexpr int kOffsetFactor = 21;
 constexpr int kOffsetShift = 22;
 
-using Matrix3 = std::array<double, 9>;
-
-Matrix3 inverse_transpose(const Matrix3& m) {
-  const auto cofactor = [&](int row, int column) {
-    const int r1 = (row + 1) % 3, r2 = (row + 2) % 3;
-    const int c1 = (column + 1) % 3, c2 = (column + 2) % 3;
-    return m[3 * r1 + c1] * m[3 * r2 + c2] - m[3 * r1 + c2] * m[3 * r2 + c1];
-  };
-  const double determinant = m[0] * cofactor(0, 0) + m[1] * cofactor(0, 1) + m[2] * cofactor(0, 2);
-  METROFARM_CHECK(determinant != 0);
-  Matrix3 out;
-  for (int i = 0; i < 9; ++i) out[i] = cofactor(i / 3, i % 3) / determinant;
-  return out;
-}
-
-double largest_row(const Matrix3& m) {
+double largest_row(const scene::Linear& m) {
   double largest = 0;
   for (size_t r = 0; r < 3; ++r)
     largest =
@@ -39,8 +24,8 @@ double largest_row(const Matrix3& m) {
 // By how much going to the group's space and back can spread rounding errors: the row norm of
 // |M| |M^-1| (Skeel's condition number), which is up to 3 for rotations and covered by
 // kOffsetScale that far.
-double error_spread(const Matrix3& m, const Matrix3& normals) {
-  Matrix3 product = {};
+double error_spread(const scene::Linear& m, const scene::Linear& normals) {
+  scene::Linear product = {};
   for (int i = 0; i < 9; ++i) {
     for (int k = 0; k < 3; ++k)
       product[i] += std::fabs(m[3 * (i / 3) + k]) * std::fabs(normals[3 * (i % 3) + k]);
@@ -82,8 +67,9 @@ Columns columns_of(const Primitives& p, Int instance, Mask lanes) {
 
 void append_instance(const scene::Matrix& m, std::vector<float>& table) {
   const size_t end = table.size() + kInstanceStride;
-  const Matrix3 linear = {m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]};
-  const Matrix3 normals = inverse_transpose(linear);
+  const scene::Linear linear = scene::linear_part(m);
+  METROFARM_CHECK(scene::determinant(linear) != 0);
+  const scene::Linear normals = scene::inverse_transpose(linear);
   const double spread = error_spread(linear, normals);
   const double shift = std::max({std::fabs(m[3]), std::fabs(m[7]), std::fabs(m[11])});
   for (int i = 0; i < kNormalMatrix; ++i) table.push_back(static_cast<float>(m[i]));

@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "geometry/instances.h"
+#include "scene/linear.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -21,11 +22,6 @@ using scene::TriangleMesh;
 template <class T>
 uint64_t bytes_of(const std::vector<T>& v) {
   return v.capacity() * sizeof(T);
-}
-
-double determinant_of(const Matrix& m) {
-  return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
-         m[2] * (m[4] * m[9] - m[5] * m[8]);
 }
 
 // What all meshes together need, so that no table grows twice.
@@ -132,7 +128,8 @@ class Builder {
     const auto* disk = std::get_if<Disk>(&shape.geometry);
     out_.bsdf_of.push_back(shape.bsdf);
     // A disk's normal stays on the side of its +z, also where a mirror turns its half-axes about.
-    const bool mirrored = disk != nullptr && determinant_of(disk->to_world) < 0;
+    const bool mirrored =
+        disk != nullptr && scene::determinant(scene::linear_part(disk->to_world)) < 0;
     out_.normal_sign.push_back(shape.flip_normals != mirrored ? -1.F : 1.F);
     out_.has_normals.push_back(mesh != nullptr && !mesh->normals.empty() ? 1 : 0);
     out_.has_texcoords.push_back(mesh != nullptr && !mesh->texcoords.empty() ? 1 : 0);
@@ -203,11 +200,9 @@ class Builder {
     ++range_of(shape).analytic_count;
     if (const auto* sphere = std::get_if<Sphere>(&geometry)) {
       const auto& r = sphere->rotation;
-      const Matrix axes = {r[0], r[1], r[2], 0, r[3], r[4], r[5], 0,
-                           r[6], r[7], r[8], 0, 0,    0,    0,    1};
       const auto& c = sphere->center;
       add(AnalyticKind::kSphere, {c[0], c[1], c[2], sphere->radius, r[0], r[3], r[6], r[2], r[5],
-                                  r[8], determinant_of(axes) < 0 ? -1.0 : 1.0});
+                                  r[8], scene::determinant(r) < 0 ? -1.0 : 1.0});
     } else if (const auto* disk = std::get_if<Disk>(&geometry)) {
       const auto& m = disk->to_world;
       add(AnalyticKind::kDisk, {m[3], m[7], m[11], m[0], m[4], m[8], m[1], m[5], m[9]});

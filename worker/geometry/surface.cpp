@@ -120,13 +120,9 @@ Surface surface_at(const Primitives& p, const RayHits& hits, const Vec3& origin,
                    const Vec3& direction, SurfaceNeeds needs) {
   Surface s;
   s.shape = gather(p.shape_of.data(), hits.primitive, hits.hit);
-  const Mask triangles =
-      hits.hit & as_mask(_mm256_cmpgt_epi32(_mm256_set1_epi32(p.triangle_count), hits.primitive));
+  const Mask triangles = hits.hit & less(hits.primitive, Int(p.triangle_count));
   const Mask analytic = hits.hit & ~triangles;
-  const Mask instanced =
-      p.instances.empty()
-          ? no_lanes()
-          : hits.hit & as_mask(_mm256_cmpgt_epi32(hits.instance, _mm256_set1_epi32(-1)));
+  const Mask instanced = p.instances.empty() ? no_lanes() : hits.hit & less(Int(-1), hits.instance);
   fill_triangles(p, hits, needs, triangles, s);
   s.point.primitive = hits.primitive;
   s.point.b1 = hits.u;

@@ -7,6 +7,7 @@
 #include <ImfInputFile.h>
 #include <ImfPartType.h>
 #include <ImfStandardAttributes.h>
+#include <ImfTileDescription.h>
 
 #include <algorithm>
 #include <cmath>
@@ -66,6 +67,24 @@ Result<std::vector<const char*>> choose_channels(const Imf::ChannelList& channel
   return chosen;
 }
 
+// Of the library's buffers, which hold all channels of the file, or of ours if that is more.
+uint64_t bytes_per_pixel(const Imf::Header& header) {
+  uint64_t stored = 0;
+  for (auto c = header.channels().begin(); c != header.channels().end(); ++c)
+    stored += c.channel().type == Imf::HALF ? 2 : 4;
+  return std::max<uint64_t>(stored, 4 * sizeof(float));
+}
+
+// The library takes memory for whole tiles, which may be larger than the image.
+std::optional<Error> check_tiles(const Source& source, const Imf::Header& header) {
+  if (!header.hasTileDescription()) return std::nullopt;
+  const Imf::TileDescription& tile = header.tileDescription();
+  const uint64_t bytes = uint64_t{tile.xSize} * tile.ySize;
+  if (bytes <= source.max_bytes / bytes_per_pixel(header)) return std::nullopt;
+  return Error{"tiles of " + std::to_string(tile.xSize) + " x " + std::to_string(tile.ySize) +
+               " pixels, more than " + std::to_string(source.max_bytes) + " bytes of memory"};
+}
+
 // Only the header of the first part: the library allocates by what it says.
 Imf::Header read_header(MemoryStream& stream) {
   constexpr int kMagicAndVersion = 8;
@@ -105,10 +124,12 @@ Result<scene::Image> read_pixels(const Source& source) {
   const int64_t height = int64_t{window.max.y} - window.min.y + 1;
   if (first.hasType() && Imf::isDeepData(first.type()))
     return Error{"deep pixels are not supported; flatten the image"};
-  // Wavelet compression may shrink a block of equal pixels to next to nothing.
-  if (const auto error = check_size(source, width, height, 65536)) return *error;
   const Result<std::vector<const char*>> names = choose_channels(first.channels());
   if (!names) return names.error();
+  // Wavelet compression may shrink a block of equal pixels to next to nothing.
+  const Claim claim = {width, height, source.bytes.size() * 65536, bytes_per_pixel(first)};
+  if (const auto error = check_claim(source, claim)) return *error;
+  if (const auto error = check_tiles(source, first)) return *error;
 
   Imf::InputFile file(stream);
   if (!file.isComplete()) return Error{"the file ends early: rows or tiles are missing"};

@@ -132,6 +132,14 @@ bool read_scanline(Cursor& cursor, std::span<Rgbe> row) {
   return read_packed_components(cursor, row);
 }
 
+void append_pixels(std::span<const Rgbe> row, std::vector<float>& pixels) {
+  for (const Rgbe& pixel : row) {
+    const float scale = pixel[3] == 0 ? 0.F : std::ldexp(1.F, pixel[3] - (128 + 8));
+    for (int channel = 0; channel < 3; ++channel)
+      pixels.push_back(static_cast<float>(pixel[channel]) * scale);
+  }
+}
+
 // ---- PFM ----
 
 Result<Size> read_pfm_size(Cursor& cursor) {
@@ -158,18 +166,18 @@ Result<scene::Image> read_hdr(const Source& source) {
   if (!size) return size.error();
   const auto [width, height] = size.value();
   // Two repeats in a row of old run lengths stand for 65536 pixels.
-  if (const auto error = check_size(source, width, height, 65536)) return *error;
-  std::vector<float> pixels(size_t{3} * width * height);
+  const Claim claim = {width, height, source.bytes.size() * 65536, 3 * sizeof(float)};
+  if (const auto error = check_claim(source, claim)) return *error;
   std::vector<Rgbe> row(width);
-  float* out = pixels.data();
-  for (int y = 0; y < height; ++y) {
-    if (!read_scanline(cursor, row))
+  Cursor ahead = cursor;  // a file that ends early takes no memory
+  for (int y = 0; y < height; ++y)
+    if (!read_scanline(ahead, row))
       return Error{"row " + std::to_string(y) + " is damaged, or the file ends early"};
-    for (const Rgbe& pixel : row) {
-      const float scale = pixel[3] == 0 ? 0.F : std::ldexp(1.F, pixel[3] - (128 + 8));
-      for (int channel = 0; channel < 3; ++channel)
-        *out++ = static_cast<float>(pixel[channel]) * scale;
-    }
+  std::vector<float> pixels;
+  pixels.reserve(size_t{3} * width * height);
+  for (int y = 0; y < height; ++y) {
+    read_scanline(cursor, row);
+    append_pixels(row, pixels);
   }
   return scene::Image{width, height, 3, std::move(pixels)};
 }
@@ -183,7 +191,8 @@ Result<scene::Image> read_pfm(const Source& source) {
   const auto scale_line = cursor.line();
   const auto scale = scale_line ? number<double>(*scale_line) : std::nullopt;
   if (!scale || *scale == 0) return Error{"the third line must be a number other than 0"};
-  if (const auto error = check_size(source, width, height, 1)) return *error;
+  const Claim claim = {width, height, source.bytes.size(), sizeof(float) * channels};
+  if (const auto error = check_claim(source, claim)) return *error;
   const size_t row = static_cast<size_t>(width) * channels;
   const auto data = cursor.rest();
   if (data.size() / 4 / row < static_cast<size_t>(height)) return Error{kEndsEarly};

@@ -16,14 +16,18 @@ namespace metrofarm::image_io {
 struct Source {
   std::span<const uint8_t> bytes;
   Encoding encoding = Encoding::kSrgb;
-  uint64_t max_pixels = kMaxPixels;
+  uint64_t max_bytes = 0;  // of decoded pixels
 };
 
-// Refuses sizes that are not positive, larger than allowed, or more than the file can hold if a
-// byte of it stands for at most pixels_per_byte pixels: what is allocated then stays in proportion
-// to the file.
-std::optional<Error> check_size(const Source& source, int64_t width, int64_t height,
-                                uint64_t pixels_per_byte);
+// What a header promises.
+struct Claim {
+  int64_t width = 0, height = 0;
+  uint64_t most_pixels = 0;      // that the bytes of the file can stand for
+  uint64_t bytes_per_pixel = 0;  // of memory
+};
+
+// Refuses sizes that are not positive, larger than allowed, or more than the file can hold.
+std::optional<Error> check_claim(const Source& source, const Claim& claim);
 
 Result<scene::Image> read_png(const Source& source);
 Result<scene::Image> read_jpeg(const Source& source);

@@ -1,5 +1,6 @@
 // PNG, BMP and TGA: stb_image decodes, and what it would decode wrongly or leave unnoticed is
 // refused here first.
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -62,7 +63,7 @@ scene::Image image_of_words(const stbi_us* words, const Size& size, Encoding enc
   return {size.width, size.height, channels, std::move(pixels)};
 }
 
-Result<scene::Image> decode(const Source& source, uint64_t pixels_per_byte) {
+Result<scene::Image> decode(const Source& source, uint64_t most_pixels) {
   if (source.bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max()))
     return Error{"the file is larger than 2 GiB"};
   const stbi_uc* data = source.bytes.data();
@@ -71,13 +72,16 @@ Result<scene::Image> decode(const Source& source, uint64_t pixels_per_byte) {
   if (stbi_info_from_memory(data, length, &size.width, &size.height, &size.channels) == 0)
     return Error{stbi_failure_reason()};
   const int64_t height = size.height;  // negative in a BMP whose rows run downwards
-  if (const auto error = check_size(source, size.width, std::abs(height), pixels_per_byte))
+  const bool words = stbi_is_16_bit_from_memory(data, length) != 0;
+  const uint64_t bytes_per_pixel = kept_channels(size) * (words ? sizeof(float) : 1);
+  if (const auto error =
+          check_claim(source, {size.width, std::abs(height), most_pixels, bytes_per_pixel}))
     return *error;
-  if (stbi_is_16_bit_from_memory(data, length) != 0) {
-    const std::unique_ptr<stbi_us, Free> words(
+  if (words) {
+    const std::unique_ptr<stbi_us, Free> pixels(
         stbi_load_16_from_memory(data, length, &size.width, &size.height, &size.channels, 0));
-    if (!words) return Error{stbi_failure_reason()};
-    return image_of_words(words.get(), size, source.encoding);
+    if (!pixels) return Error{stbi_failure_reason()};
+    return image_of_words(pixels.get(), size, source.encoding);
   }
   const std::unique_ptr<stbi_uc, Free> bytes(
       stbi_load_from_memory(data, length, &size.width, &size.height, &size.channels, 0));
@@ -95,18 +99,30 @@ uint32_t big_endian_word(std::span<const uint8_t> bytes, size_t at) {
   return uint32_t{bytes[at]} << 8 | bytes[at + 1];
 }
 
-// Whether all chunks up to the end mark lie inside the file (PNG, section 5.3: length, type, data,
-// checksum): stb_image takes memory for as much as they promise.
-bool png_chunks_fit(std::span<const uint8_t> bytes) {
+// Bytes of compressed pixels; nothing unless all chunks up to the end mark lie inside the file
+// (PNG, section 5.3: length, type, data, checksum): stb_image takes memory for as much as they
+// promise.
+std::optional<uint64_t> png_data_bytes(std::span<const uint8_t> bytes) {
   constexpr size_t kAround = 12;
+  uint64_t sum = 0;
   for (size_t at = 8; at + kAround <= bytes.size();) {
     const uint64_t length =
         uint64_t{big_endian_word(bytes, at)} << 16 | big_endian_word(bytes, at + 2);
-    if (length + kAround > bytes.size() - at) return false;
-    if (std::memcmp(&bytes[at + 4], "IEND", 4) == 0) return true;
+    if (length + kAround > bytes.size() - at) return std::nullopt;
+    if (std::memcmp(&bytes[at + 4], "IEND", 4) == 0) return sum;
+    if (std::memcmp(&bytes[at + 4], "IDAT", 4) == 0) sum += length;
     at += kAround + length;
   }
-  return false;
+  return std::nullopt;
+}
+
+// From the header, which is the first chunk; at least 1.
+uint64_t png_pixel_bits(std::span<const uint8_t> bytes) {
+  constexpr size_t kDepth = 24, kColourType = 25;
+  if (bytes.size() <= kColourType) return 1;
+  const uint8_t type = bytes[kColourType];
+  const int samples = type == 2 ? 3 : type == 4 ? 2 : type == 6 ? 4 : 1;
+  return uint64_t{std::max<uint8_t>(bytes[kDepth], 1)} * samples;
 }
 
 // Whether the run-length packets from `at` on make up `pixels` pixels (Truevision TGA 2.0, C.3).
@@ -124,8 +140,10 @@ bool has_packets(std::span<const uint8_t> bytes, size_t at, uint64_t pixels, int
 }  // namespace
 
 Result<scene::Image> read_png(const Source& source) {
-  if (!png_chunks_fit(source.bytes)) return Error{kEndsEarly};
-  return decode(source, uint64_t{8} * 1032);  // 1 bit per pixel; deflate packs at most 1032 : 1
+  const std::optional<uint64_t> data_bytes = png_data_bytes(source.bytes);
+  if (!data_bytes) return Error{kEndsEarly};
+  // Deflate packs at most 1032 : 1.
+  return decode(source, *data_bytes * 1032 * 8 / png_pixel_bits(source.bytes));
 }
 
 Result<scene::Image> read_bmp(const Source& source) {
@@ -137,10 +155,10 @@ Result<scene::Image> read_bmp(const Source& source) {
                                     : static_cast<int32_t>(little_endian(bytes, 22, 4));
   const uint64_t pixel_bits = little_endian(bytes, os2 ? 24 : 28, 2);
   const int64_t height = signed_height < 0 ? -signed_height : signed_height;
-  if (const auto error = check_size(source, width, height, 8)) return *error;
+  if (const auto error = check_claim(source, {width, height, bytes.size() * 8, 0})) return *error;
   const uint64_t row = (width * pixel_bits + 31) / 32 * 4;
   if (little_endian(bytes, 10, 4) + row * height > bytes.size()) return Error{kEndsEarly};
-  return decode(source, 8);
+  return decode(source, bytes.size() * 8);
 }
 
 Result<scene::Image> read_tga(const Source& source) {
@@ -155,7 +173,7 @@ Result<scene::Image> read_tga(const Source& source) {
   if (run_lengths ? !has_packets(bytes, first, pixels, pixel_bytes)
                   : first + pixels * pixel_bytes > bytes.size())
     return Error{kEndsEarly};
-  return decode(source, 64);  // a packet of 2 bytes makes at most 128 pixels
+  return decode(source, bytes.size() * 64);  // a packet of 2 bytes makes at most 128 pixels
 }
 
 }  // namespace metrofarm::image_io

@@ -1,6 +1,8 @@
 // JPEG, through libjpeg-turbo: Mitsuba's decoder, so that both see the same bytes.
 #include <turbojpeg.h>
 
+#include <algorithm>
+#include <array>
 #include <memory>
 
 #include "image_io/formats.h"
@@ -36,10 +38,14 @@ Result<scene::Image> read_jpeg(const Source& source) {
     return Error{message_of(decoder.get())};
   if (colours == TJCS_CMYK || colours == TJCS_YCCK)
     return Error{"CMYK colours are not supported; convert it to RGB"};
-  // At least 1 bit per block of 8 x 8.
-  if (const auto error = check_size(source, width, height, uint64_t{8} * 64)) return *error;
-
   const int channels = colours == TJCS_GRAY ? 1 : 3;
+  // At least 1 bit per block of 8 x 8.
+  const Claim claim = {width, height, length * 8 * 64, static_cast<uint64_t>(channels)};
+  if (const auto error = check_claim(source, claim)) return *error;
+  constexpr std::array<uint8_t, 2> kEndMark = {0xff, 0xd9};
+  if (std::find_end(source.bytes.begin(), source.bytes.end(), kEndMark.begin(), kEndMark.end()) ==
+      source.bytes.end())
+    return Error{"the file ends early"};
   std::vector<uint8_t> pixels(static_cast<size_t>(width) * height * channels);
   // A limit to the scans of a progressive image keeps time in proportion to the file's size.
   const int flags = TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS;

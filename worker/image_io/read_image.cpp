@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/decode_limit.h"
 #include "image_io/formats.h"
 
 namespace metrofarm::image_io {
@@ -46,31 +47,36 @@ const Format* format_of(std::span<const uint8_t> bytes) {
 
 }  // namespace
 
-std::optional<Error> check_size(const Source& source, int64_t width, int64_t height,
-                                uint64_t pixels_per_byte) {
+std::optional<Error> check_claim(const Source& source, const Claim& claim) {
+  const auto [width, height, most_pixels, bytes_per_pixel] = claim;
   const std::string size = std::to_string(width) + " x " + std::to_string(height) + " pixels";
-  constexpr int64_t kMaxSide = int64_t{1} << 24;  // sizes stay exact as float
+  constexpr int64_t kMaxSide = int64_t{1} << 22;  // tables over a side have steps of 2^-24
   if (width < 1 || height < 1) return Error{"an image of " + size};
   if (width > kMaxSide || height > kMaxSide)
     return Error{size + "; the longest side allowed has " + std::to_string(kMaxSide)};
   const uint64_t pixels = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
-  if (pixels > source.max_pixels)
-    return Error{size + "; at most " + std::to_string(source.max_pixels) + " are allowed"};
-  if (pixels / pixels_per_byte > source.bytes.size())
+  if (pixels > kMaxPixels)
+    return Error{size + "; at most " + std::to_string(kMaxPixels) + " are allowed"};
+  if (pixels > most_pixels)
     return Error{"the header promises " + size + ", more than the file's " +
                  std::to_string(source.bytes.size()) + " bytes can hold"};
+  if (pixels * bytes_per_pixel > source.max_bytes)
+    return Error{size + " take " + std::to_string(pixels * bytes_per_pixel) +
+                 " bytes of memory; of a file of " + std::to_string(source.bytes.size()) +
+                 " bytes at most " + std::to_string(source.max_bytes) + " are allowed"};
   return std::nullopt;
 }
 
 Result<scene::Image> read_image(std::span<const uint8_t> bytes, std::string_view name,
-                                Encoding encoding, uint64_t max_pixels) {
+                                Encoding encoding, uint64_t max_bytes) {
   const SourceLocation where{std::string(name), 0};
   if (bytes.empty()) return Error{"the image file is empty", where};
   const Format* format = format_of(bytes);
   if (format == nullptr)
     return Error{"unknown image format; PNG, JPEG, OpenEXR, HDR, PFM, BMP and TGA can be read",
                  where};
-  Result<scene::Image> image = format->read({bytes, encoding, max_pixels});
+  Result<scene::Image> image =
+      format->read({bytes, encoding, std::min(max_bytes, decode_limit(bytes.size()))});
   if (!image) return Error{std::string(format->name) + " image: " + image.error().message, where};
   return image;
 }

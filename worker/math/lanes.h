@@ -5,6 +5,7 @@
 #include <immintrin.h>
 
 #include <cstdint>
+#include <type_traits>
 #include <xsimd/xsimd.hpp>
 
 namespace metrofarm {
@@ -71,6 +72,14 @@ inline Mask as_mask(__m256i m) {
 
 inline Mask equal(Int a, Int b) {
   return as_mask(_mm256_cmpeq_epi32(a, b));
+}
+template <class Enum>
+  requires std::is_enum_v<Enum>
+Mask equal(Int a, Enum b) {
+  return equal(a, Int(static_cast<int32_t>(b)));
+}
+inline Mask less(Int a, Int b) {
+  return as_mask(_mm256_cmpgt_epi32(b, a));
 }
 inline Float to_float(Int i) {
   return _mm256_cvtepi32_ps(i);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "scene/linear.h"
+
 namespace metrofarm::scene_file {
 
 Matrix multiply(const Matrix& a, const Matrix& b) {
@@ -104,7 +106,7 @@ Point column(const Matrix& m, int i) {
 }
 
 double determinant(const Matrix& m) {
-  return dot(column(m, 0), cross(column(m, 1), column(m, 2)));
+  return scene::determinant(scene::linear_part(m));
 }
 
 bool flattens(const Matrix& m) {

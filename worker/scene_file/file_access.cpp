@@ -32,7 +32,8 @@ fs::path directory_of(const fs::path& file) {
 FileAccess::FileAccess(const fs::path& main_file, const LoadOptions& options)
     : directories_{directory_of(main_file)},
       file_read_(options.file_read),
-      folder_added_(options.folder_added) {
+      folder_added_(options.folder_added),
+      memory_(options.max_bytes) {
   if (options.root.empty()) return;
   std::error_code error;
   root_ = fs::canonical(options.root, error);

@@ -10,6 +10,7 @@
 
 #include "base/result.h"
 #include "scene_file/load.h"
+#include "scene_file/memory_budget.h"
 
 namespace metrofarm::scene_file {
 
@@ -18,7 +19,7 @@ using FileBytes = std::shared_ptr<const std::string>;
 class FileAccess {
  public:
   // main_file: the scene; names are looked up beside it unless a search directory has them first.
-  // options: only its root, file_read and folder_added are looked at.
+  // options: only its root, file_read, folder_added and max_bytes are looked at.
   FileAccess(const std::filesystem::path& main_file, const LoadOptions& options);
 
   // Adds a directory (relative ones are beside the main file) that is searched before those already
@@ -36,12 +37,16 @@ class FileAccess {
   void announce(const std::filesystem::path& file) const;
   Result<FileBytes> read_unannounced(const std::filesystem::path& file) const;
 
+  // Of what is made from the files. May be used from several threads at once.
+  MemoryBudget& memory() const { return memory_; }
+
  private:
   Result<std::filesystem::path> check_inside_root(const std::filesystem::path& path) const;
 
   std::vector<std::filesystem::path> directories_;  // searched from the front
   std::filesystem::path root_;                      // canonical, or empty
   std::function<void(const std::filesystem::path&)> file_read_, folder_added_;
+  mutable MemoryBudget memory_;
 };
 
 }  // namespace metrofarm::scene_file

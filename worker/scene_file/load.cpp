@@ -1,9 +1,11 @@
 #include "scene_file/load.h"
 
 #include <array>
+#include <optional>
 #include <variant>
 
 #include "scene_file/importer.h"
+#include "scene_file/limits.h"
 #include "scene_file/mitsuba/importer.h"
 #include "scene_file/names.h"
 #include "scene_file/pbrt/importer.h"
@@ -57,6 +59,7 @@ Result<scene::SceneDescription> load_scene(const std::filesystem::path& file,
           "constant environment, or the image is black",
           {file.string()}};
     }
+    if (std::optional<Error> error = check_limits(scene.value())) return *error;
     return scene;
   }
   return Error{

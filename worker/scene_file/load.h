@@ -1,6 +1,7 @@
 // Turns a scene file of any supported format into a scene::SceneDescription.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -32,6 +33,10 @@ struct LoadOptions {
   // must lie inside this directory after symbolic links are resolved. Such a folder need not exist:
   // a bundle has no empty ones.
   std::filesystem::path root = {};
+
+  // Memory that meshes and images may take once decoded, all together. Each file is limited too, in
+  // proportion to its size (base/decode_limit.h).
+  uint64_t max_bytes = uint64_t{16} << 30;
 };
 
 // The importer is chosen by the file's extension. The result has at least one shape, at least one

@@ -29,8 +29,9 @@ struct MeshQueue::Source {
     bytes = std::move(read.value());
     if (request.format == MeshFormat::kSerialized) return;
     const std::string name = request.file.string();
-    Result<RawMesh> parsed =
-        request.format == MeshFormat::kObj ? parse_obj(*bytes, name) : parse_ply(*bytes, name);
+    Result<RawMesh> parsed = request.format == MeshFormat::kObj
+                                 ? parse_obj(*bytes, name)
+                                 : parse_ply(*bytes, name, files.memory().for_file(bytes->size()));
     bytes.reset();
     if (parsed) {
       mesh = std::make_unique<RawMesh>(std::move(parsed.value()));
@@ -64,6 +65,14 @@ Error located(Error error, const MeshRequest& request) {
   return error;
 }
 
+Result<scene::TriangleMesh> finish(RawMesh raw, const MeshRequest& request,
+                                   const FileAccess& files) {
+  Result<scene::TriangleMesh> mesh = finish_mesh(std::move(raw), request.options);
+  if (!mesh) return mesh;
+  if (std::optional<Error> error = files.memory().take(mesh.value())) return *error;
+  return mesh;
+}
+
 }  // namespace
 
 void MeshQueue::add(MeshRequest request, const FileAccess& files) {
@@ -85,13 +94,14 @@ Result<scene::TriangleMesh> MeshQueue::load_mesh(size_t i, const FileAccess& fil
   if (request.format != MeshFormat::kSerialized) {
     Result<RawMesh> raw = source.take_mesh();
     lock.unlock();
-    return raw ? finish_mesh(std::move(raw.value()), request.options) : raw.error();
+    return raw ? finish(std::move(raw.value()), request, files) : raw.error();
   }
   const Result<FileBytes> bytes = source.take_bytes();
   lock.unlock();
   if (!bytes) return bytes.error();
-  Result<RawMesh> raw = parse_serialized(*bytes.value(), request.shape_index);
-  return raw ? finish_mesh(std::move(raw.value()), request.options) : raw.error();
+  const uint64_t limit = files.memory().for_file(bytes.value()->size());
+  Result<RawMesh> raw = parse_serialized(*bytes.value(), request.shape_index, limit);
+  return raw ? finish(std::move(raw.value()), request, files) : raw.error();
 }
 
 std::optional<Error> MeshQueue::load(const FileAccess& files, std::vector<scene::Shape>& shapes,

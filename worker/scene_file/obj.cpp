@@ -3,7 +3,10 @@
 #include <charconv>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <optional>
+#include <utility>
+#include <vector>
 
 namespace metrofarm::scene_file {
 namespace {
@@ -15,6 +18,8 @@ struct Corner {
   uint32_t position = kAbsent;
   uint32_t texcoord = kAbsent;
   uint32_t normal = kAbsent;
+
+  auto operator<=>(const Corner&) const = default;
 };
 
 bool is_blank(char c) {
@@ -160,18 +165,24 @@ class ObjParser {
     append_polygon(polygon_, mesh_.indices);
   }
 
-  // Corners that share a position are chained: first_vertex_[position], then next_vertex_.
+  // Corners that share a position are chained: first_vertex_[position], then next_vertex_. What a
+  // long chain has no place for is found in crowd_.
   uint32_t vertex_of(const Corner& corner) {
+    constexpr int kLongestChain = 32;
     first_vertex_.resize(positions_.size() / 3, kAbsent);
-    uint32_t vertex = first_vertex_[corner.position];
-    for (; vertex != kAbsent; vertex = next_vertex_[vertex]) {
-      const Corner& known = corners_[vertex];
-      if (known.texcoord == corner.texcoord && known.normal == corner.normal) return vertex;
+    int length = 0;
+    for (uint32_t v = first_vertex_[corner.position]; v != kAbsent; v = next_vertex_[v], ++length) {
+      if (corners_[v] == corner) return v;
     }
-    vertex = static_cast<uint32_t>(corners_.size());
+    const auto vertex = static_cast<uint32_t>(corners_.size());
+    if (length < kLongestChain) {
+      next_vertex_.push_back(std::exchange(first_vertex_[corner.position], vertex));
+    } else {
+      const auto [found, is_new] = crowd_.emplace(corner, vertex);
+      if (!is_new) return found->second;
+      next_vertex_.push_back(kAbsent);
+    }
     corners_.push_back(corner);
-    next_vertex_.push_back(first_vertex_[corner.position]);
-    first_vertex_[corner.position] = vertex;
     append(positions_, corner.position, 3, mesh_.positions);
     append(texcoords_, corner.texcoord, 2, mesh_.texcoords);
     append(normals_, corner.normal, 3, mesh_.normals);
@@ -209,6 +220,7 @@ class ObjParser {
   std::vector<Corner> corners_;
   std::vector<uint32_t> first_vertex_;
   std::vector<uint32_t> next_vertex_;
+  std::map<Corner, uint32_t> crowd_;
   RawMesh mesh_;
 };
 

@@ -118,8 +118,9 @@ std::optional<Channel> channel_named(std::string_view name) {
 
 class BodyParser {
  public:
-  BodyParser(std::string_view file, const PlyHeader& header, const std::string& file_name)
-      : header_(header), file_name_(file_name), values_(file, header) {}
+  BodyParser(std::string_view file, const PlyHeader& header, const std::string& file_name,
+             uint64_t max_bytes)
+      : header_(header), file_name_(file_name), max_bytes_(max_bytes), values_(file, header) {}
 
   Result<RawMesh> parse() {
     for (const PlyElement& element : header_.elements) {
@@ -266,6 +267,7 @@ class BodyParser {
     for (uint64_t i = 0; i < element.count; ++i) {
       if (!read_row(element, holds_indices)) return ends_early(element);
       if (std::optional<Error> problem = add_face()) return problem;
+      if (std::optional<Error> problem = count_face(attributes)) return problem;
       append_attributes(attributes, first, corners_.size() - 2);
     }
     return std::nullopt;
@@ -281,6 +283,16 @@ class BodyParser {
     }
     append_polygon(corners_, mesh_.indices);
     return std::nullopt;
+  }
+
+  // Each triangle of a polygon has the attributes of all of it: few bytes may become many.
+  std::optional<Error> count_face(const std::vector<PlyAttribute>& attributes) {
+    uint64_t values = 3;
+    for (const PlyAttribute& attribute : attributes) values += attribute.properties.size();
+    face_bytes_ += (corners_.size() - 2) * values * sizeof(float);
+    if (face_bytes_ <= max_bytes_) return std::nullopt;
+    return error("the faces take more than the " + std::to_string(max_bytes_) +
+                 " bytes of memory that are allowed to a file of this size");
   }
 
   Result<RawMesh> check_indices() {
@@ -300,6 +312,8 @@ class BodyParser {
 
   const PlyHeader& header_;
   const std::string& file_name_;
+  const uint64_t max_bytes_;
+  uint64_t face_bytes_ = 0;
   ValueReader values_;
   std::vector<double> row_;
   std::vector<double> list_;
@@ -310,10 +324,10 @@ class BodyParser {
 
 }  // namespace
 
-Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name) {
+Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name, uint64_t max_bytes) {
   const Result<PlyHeader> header = parse_ply_header(file, file_name);
   if (!header) return header.error();
-  return BodyParser(file, header.value(), file_name).parse();
+  return BodyParser(file, header.value(), file_name, max_bytes).parse();
 }
 
 }  // namespace metrofarm::scene_file

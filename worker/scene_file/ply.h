@@ -1,6 +1,7 @@
 // Stanford PLY, ascii and binary.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -11,7 +12,7 @@ namespace metrofarm::scene_file {
 
 // Reads vertex x y z, optional nx ny nz and u v (or s t), face vertex_indices (vertex_index) and
 // the attributes of both (ply_attributes.h); everything else is skipped. Errors name file_name and,
-// for the header and ascii bodies, the line.
-Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name);
+// for the header and ascii bodies, the line. A mesh of more than max_bytes is refused.
+Result<RawMesh> parse_ply(std::string_view file, const std::string& file_name, uint64_t max_bytes);
 
 }  // namespace metrofarm::scene_file

@@ -131,6 +131,11 @@ bool skip_name(Inflater& in) {
   return true;
 }
 
+uint64_t floats_per_vertex(uint32_t flags) {
+  return 3 + ((flags & kHasNormals) ? 3 : 0) + ((flags & kHasTexcoords) ? 2 : 0) +
+         ((flags & kHasColours) ? 3 : 0);
+}
+
 template <class Real>
 bool read_vertices(Inflater& in, uint32_t flags, uint64_t count, RawMesh& mesh) {
   if (!in.read_array<Real>(mesh.positions, 3 * count)) return false;
@@ -145,7 +150,7 @@ bool read_vertices(Inflater& in, uint32_t flags, uint64_t count, RawMesh& mesh) 
 
 }  // namespace
 
-Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index) {
+Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index, uint64_t max_bytes) {
   const Result<Section> section = find_section(file, shape_index);
   if (!section) return section.error();
   if (section.value().compressed.size() > UINT32_MAX) return Error{"mesh larger than 4 GiB"};
@@ -163,6 +168,15 @@ Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index) {
   const bool doubles = (flags & kDoublePrecision) != 0;
   // Old files have neither flag and hold floats.
   if (doubles && (flags & kSinglePrecision)) return truncated();
+  const uint64_t bytes = sizeof(float) * (floats_per_vertex(flags) * vertex_count) +
+                         sizeof(uint32_t) * 3 * triangle_count;
+  // Deflate packs at most 1032 : 1.
+  if (bytes / 1032 > section.value().compressed.size()) return truncated();
+  if (bytes > max_bytes) {
+    return Error{"mesh " + std::to_string(shape_index) + " takes " + std::to_string(bytes) +
+                 " bytes of memory; of a file of " + std::to_string(file.size()) +
+                 " bytes at most " + std::to_string(max_bytes) + " are allowed"};
+  }
   if (doubles ? !read_vertices<double>(in, flags, vertex_count, mesh)
               : !read_vertices<float>(in, flags, vertex_count, mesh)) {
     return truncated();

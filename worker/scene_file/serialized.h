@@ -10,7 +10,7 @@
 namespace metrofarm::scene_file {
 
 // The mesh with the given index (from 0). Colours become the attribute
-// vertex_color. Errors have no location.
-Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index);
+// vertex_color. A mesh of more than max_bytes is refused by its header. Errors have no location.
+Result<RawMesh> parse_serialized(std::string_view file, int64_t shape_index, uint64_t max_bytes);
 
 }  // namespace metrofarm::scene_file

@@ -6,6 +6,9 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <span>
+#include <utility>
+#include <vector>
 
 namespace metrofarm::scene_file {
 namespace {
@@ -75,14 +78,12 @@ class VertexSplitter {
     mesh_.normals.assign(mesh.positions.size(), 0.0F);
   }
 
-  uint32_t vertex_with(uint32_t vertex, const Point& normal) {
+  uint32_t vertex_with(uint32_t vertex, const std::array<float, 3>& wanted) {
     if (!used_[vertex]) {
       used_[vertex] = true;
-      write_point(normal, vertex, mesh_.normals);
+      std::copy(wanted.begin(), wanted.end(), &mesh_.normals[3 * size_t(vertex)]);
       return vertex;
     }
-    std::array<float, 3> wanted;
-    for (int axis = 0; axis < 3; ++axis) wanted[axis] = static_cast<float>(normal[axis]);
     while (!std::equal(wanted.begin(), wanted.end(), &mesh_.normals[3 * size_t(vertex)])) {
       if (next_[vertex] == kAbsent) return add_copy(vertex, wanted);
       vertex = next_[vertex];
@@ -115,6 +116,71 @@ class VertexSplitter {
   std::vector<bool> used_;
 };
 
+// The triangles at one place whose normals are the same but for rounding.
+struct Plane {
+  Point normal;           // of one of them
+  Point sum = {0, 0, 0};  // of all, weighted by angle
+  std::span<const uint32_t> corners;
+};
+
+// Corners (numbered as in indices) in the order of their places.
+std::vector<uint32_t> corners_by_place(const RawMesh& mesh, const std::vector<uint32_t>& place) {
+  std::vector<uint32_t> corners(mesh.indices.size());
+  std::iota(corners.begin(), corners.end(), 0U);
+  std::stable_sort(corners.begin(), corners.end(), [&](uint32_t a, uint32_t b) {
+    return place[mesh.indices[a]] < place[mesh.indices[b]];
+  });
+  return corners;
+}
+
+// Planes whose normals are the same in steps of 1 / steps. Sorts the corners.
+std::vector<Plane> planes_of(std::span<uint32_t> corners, const std::vector<Weights>& weights,
+                             double steps) {
+  const auto rounded = [&](uint32_t corner) {
+    Point p = weights[corner / 3].normal;
+    for (double& v : p) v = std::round(v * steps);
+    return p;
+  };
+  std::sort(corners.begin(), corners.end(), [&](uint32_t a, uint32_t b) {
+    return std::pair(rounded(a), a) < std::pair(rounded(b), b);
+  });
+  std::vector<Plane> planes;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const Weights& own = weights[corners[i] / 3];
+    if (i == 0 || rounded(corners[i]) != rounded(corners[i - 1])) {
+      planes.push_back({own.normal, {0, 0, 0}, corners.subspan(i, 0)});
+    }
+    Plane& plane = planes.back();
+    accumulate(own.normal, own.angles[corners[i] % 3], plane.sum);
+    plane.corners = {plane.corners.data(), plane.corners.size() + 1};
+  }
+  return planes;
+}
+
+// Each plane is compared with each other: where very many meet, similar ones count as one.
+std::vector<Plane> few_planes_of(std::span<uint32_t> corners, const std::vector<Weights>& weights) {
+  constexpr size_t kMostPlanes = 4096;
+  constexpr double kFewestSteps = 16;  // about 3000 planes
+  double steps = 0x1p20;
+  std::vector<Plane> planes = planes_of(corners, weights, steps);
+  while (planes.size() > kMostPlanes && steps > kFewestSteps) {
+    planes = planes_of(corners, weights, steps /= 4);
+  }
+  return planes;
+}
+
+std::array<float, 3> mean_near(const Plane& plane, const std::vector<Plane>& planes,
+                               double least_cosine) {
+  Point sum = {0, 0, 0};
+  for (const Plane& other : planes) {
+    if (dot(plane.normal, other.normal) >= least_cosine) {
+      accumulate(other.sum, 1, sum);
+    }
+  }
+  const Point mean = unit_or_any(sum);
+  return {static_cast<float>(mean[0]), static_cast<float>(mean[1]), static_cast<float>(mean[2])};
+}
+
 }  // namespace
 
 void complete_normals(RawMesh& mesh) {
@@ -139,31 +205,24 @@ void complete_normals(RawMesh& mesh) {
 }
 
 void smooth_up_to_angle(RawMesh& mesh, double degrees) {
-  const size_t triangles = mesh.indices.size() / 3;
-  const std::vector<uint32_t> first = weld(mesh);
-  std::vector<Weights> weights(triangles);
-  // Corners (numbered as in indices) at the same position form a chain.
-  std::vector<uint32_t> head(mesh.vertex_count(), kAbsent);
-  std::vector<uint32_t> next(mesh.indices.size(), kAbsent);
-  for (size_t t = 0; t < triangles; ++t) weights[t] = weights_of(mesh, t);
-  for (size_t corner = mesh.indices.size(); corner-- > 0;) {
-    uint32_t& chain = head[first[mesh.indices[corner]]];
-    next[corner] = chain;
-    chain = static_cast<uint32_t>(corner);
-  }
+  std::vector<Weights> weights;
+  for (size_t t = 0; 3 * t < mesh.indices.size(); ++t) weights.push_back(weights_of(mesh, t));
   const double least_cosine = std::cos(degrees * (std::numbers::pi / 180)) - 1e-6;
-  const std::vector<uint32_t> old_indices = mesh.indices;
-  VertexSplitter splitter(mesh);
-  for (size_t corner = 0; corner < old_indices.size(); ++corner) {
-    const Point& own = weights[corner / 3].normal;
-    Point sum = {0, 0, 0};
-    for (uint32_t c = head[first[old_indices[corner]]]; c != kAbsent; c = next[c]) {
-      const Weights& other = weights[c / 3];
-      if (dot(own, other.normal) >= least_cosine) {
-        accumulate(other.normal, other.angles[c % 3], sum);
-      }
+  std::vector<std::array<float, 3>> normals(mesh.indices.size());
+  const std::vector<uint32_t> place = weld(mesh);
+  std::vector<uint32_t> corners = corners_by_place(mesh, place);
+  for (size_t begin = 0, end = 0; begin < corners.size(); begin = end) {
+    const uint32_t here = place[mesh.indices[corners[begin]]];
+    while (end < corners.size() && place[mesh.indices[corners[end]]] == here) ++end;
+    const auto planes = few_planes_of(std::span(corners).subspan(begin, end - begin), weights);
+    for (const Plane& plane : planes) {
+      const std::array<float, 3> normal = mean_near(plane, planes, least_cosine);
+      for (uint32_t corner : plane.corners) normals[corner] = normal;
     }
-    mesh.indices[corner] = splitter.vertex_with(old_indices[corner], unit_or_any(sum));
+  }
+  VertexSplitter splitter(mesh);
+  for (size_t corner = 0; corner < mesh.indices.size(); ++corner) {
+    mesh.indices[corner] = splitter.vertex_with(mesh.indices[corner], normals[corner]);
   }
 }
 

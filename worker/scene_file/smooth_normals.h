@@ -1,9 +1,6 @@
 // Vertex normals computed from the triangles around each vertex.
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "scene_file/mesh.h"
 
 namespace metrofarm::scene_file {
@@ -14,7 +11,8 @@ namespace metrofarm::scene_file {
 void complete_normals(RawMesh& mesh);
 
 // Replaces all normals: at each corner the weighted mean over those triangles at the same position
-// whose planes differ by at most `degrees`. Vertices are doubled where corners disagree.
+// whose planes differ by at most `degrees`. Vertices are doubled where corners disagree. Where
+// triangles of thousands of planes meet, similar planes count as one.
 void smooth_up_to_angle(RawMesh& mesh, double degrees);
 
 }  // namespace metrofarm::scene_file

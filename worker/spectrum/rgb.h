@@ -2,14 +2,11 @@
 #pragma once
 
 #include "math/vec.h"
+#include "spectrum/luminance.h"
 
 namespace metrofarm {
 
 using Spectrum = Vec3;
-
-inline constexpr float kLuminanceR = 0.212671F;
-inline constexpr float kLuminanceG = 0.715160F;
-inline constexpr float kLuminanceB = 0.072169F;
 
 // Lanes that are not black. A NaN is not black either: it must go on to where it is counted (and
 // the lanes' != is false for it).
@@ -19,9 +16,6 @@ inline Mask not_black(const Spectrum& s) {
 
 inline Float luminance(const Spectrum& s) {
   return s.x * Float(kLuminanceR) + s.y * Float(kLuminanceG) + s.z * Float(kLuminanceB);
-}
-inline float luminance(const float rgb[3]) {
-  return rgb[0] * kLuminanceR + rgb[1] * kLuminanceG + rgb[2] * kLuminanceB;
 }
 
 }  // namespace metrofarm

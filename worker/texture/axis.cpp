@@ -9,25 +9,17 @@ struct Wrapped {
   Mask mirrored;
 };
 
-Mask is_mode(Int wrap, scene::TextureWrap mode) {
-  return equal(wrap, Int(static_cast<int32_t>(mode)));
-}
-
-Mask less(Int a, Int b) {
-  return as_mask(_mm256_cmpgt_epi32(b, a));
-}
-
 Float fraction(Float x) {
   return x - xsimd::floor(x);
 }
 
 Wrapped wrap_around(Float coordinate, Int wrap) {
   const Float turn = Float(2.F) * fraction(Float(0.5F) * coordinate);
-  const Mask mirror = is_mode(wrap, scene::TextureWrap::kMirror);
+  const Mask mirror = equal(wrap, scene::TextureWrap::kMirror);
   const Mask mirrored = mirror & (turn > Float(1.F));
   const Float there_and_back = select(mirrored, Float(2.F) - turn, turn);
   const Float clamped = xsimd::min(xsimd::max(coordinate, Float(0.F)), Float(1.F));
-  const Mask repeat = is_mode(wrap, scene::TextureWrap::kRepeat);
+  const Mask repeat = equal(wrap, scene::TextureWrap::kRepeat);
   return {select(repeat, fraction(coordinate), select(mirror, there_and_back, clamped)), mirrored};
 }
 
@@ -38,7 +30,7 @@ Axis locate(Float coordinate, Int size, Int wrap, Mask bilinear) {
   const Float x = in.position * to_float(size) - select(bilinear, Float(0.5F), Float(0.F));
   const Float floor = xsimd::floor(x);
   const Int last = size - Int(1);
-  const Mask repeat = is_mode(wrap, scene::TextureWrap::kRepeat);
+  const Mask repeat = equal(wrap, scene::TextureWrap::kRepeat);
   const Int before_first = select(repeat, last, Int(0));
   const Int after_last = select(repeat, Int(0), last);
   // A position of exactly 1 lies in the last pixel, or is rounded from just below 0.

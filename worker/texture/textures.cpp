@@ -12,17 +12,8 @@ constexpr int kMatrixStride = 6;
 constexpr int kBitmapStride = 5;
 enum BitmapField { kImage, kFilter, kWrap, kWidth, kHeight };
 
-Mask greater(Int a, Int b) {
-  return as_mask(_mm256_cmpgt_epi32(a, b));
-}
-
-template <class Enum>
-Mask equals(Int value, Enum expected) {
-  return equal(value, Int(static_cast<int32_t>(expected)));
-}
-
 Mask valid(Int index) {
-  return greater(index, Int(scene::kNone));
+  return less(Int(scene::kNone), index);
 }
 
 Float fraction(Float x) {
@@ -93,7 +84,7 @@ void Textures::add(const scene::AttributeTexture& attribute) {
 }
 
 Mask Textures::is(Kind kind, Int texture, Mask lanes) const {
-  return lanes & equals(gather(kind_.data(), texture, lanes), kind);
+  return lanes & equal(gather(kind_.data(), texture, lanes), kind);
 }
 
 Vec2 Textures::transform(Int texture, const Vec2& uv, Mask lanes) const {
@@ -123,7 +114,7 @@ Textures::Footprint Textures::footprint(Int texture, const Vec2& uv, Mask lanes)
   const Int first = texture * Int(kBitmapStride);
   const auto field = [&](BitmapField i) { return gather(bitmap_.data() + i, first, lanes); };
   const Int wrap = field(kWrap);
-  const Mask bilinear = equals(field(kFilter), scene::TextureFilter::kBilinear);
+  const Mask bilinear = equal(field(kFilter), scene::TextureFilter::kBilinear);
   const Vec2 at = transform(texture, uv, lanes);
   return {field(kImage), locate(at.x, field(kWidth), wrap, bilinear),
           locate(at.y, field(kHeight), wrap, bilinear), bilinear};
@@ -169,7 +160,7 @@ Spectrum Textures::attribute_colour(Int texture, const geometry::SurfacePoint& p
                                     Mask lanes) const {
   const Int table = gather(table_.data(), texture, lanes);
   Spectrum colour = splat(0.F);
-  Mask left = lanes & valid(table) & greater(Int(primitives_->triangle_count), point.primitive);
+  Mask left = lanes & valid(table) & less(point.primitive, Int(primitives_->triangle_count));
   while (any(left)) {
     const auto lane = std::countr_zero(bits(left));
     const auto index = static_cast<int32_t>(lane_word(as_uint(table), lane));

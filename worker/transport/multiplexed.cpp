@@ -17,7 +17,7 @@ MultiplexedTracer::MultiplexedTracer(const Scene& scene, const sensor::Camera& c
   METROFARM_CHECK(!weights.empty());
   cdf_.resize(weights.size());
   probability_.resize(weights.size());
-  emitter::quantize_cdf(weights, 0, cdf_, probability_);
+  emitter::quantize_cdf(weights, cdf_, probability_);
 }
 
 uint32_t MultiplexedTracer::coordinate_of(int edges) const {

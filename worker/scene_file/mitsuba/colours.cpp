@@ -5,8 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "scene_file/mitsuba/spectra.h"
 #include "scene_file/numbers.h"
+#include "scene_file/spectra.h"
+#include "spectrum/srgb.h"
 
 namespace metrofarm::scene_file::mitsuba {
 namespace {
@@ -29,9 +30,8 @@ Rgb scaled(const Rgb& colour, double factor) {
           static_cast<float>(colour[2] * factor)};
 }
 
-float srgb_to_linear(double encoded) {
-  return static_cast<float>(encoded <= 0.04045 ? encoded / 12.92
-                                               : std::pow((encoded + 0.055) / 1.055, 2.4));
+float linear_of(double encoded) {
+  return static_cast<float>(srgb_to_linear(encoded));
 }
 
 std::optional<Rgb> parse_hex(std::string_view text) {
@@ -39,8 +39,8 @@ std::optional<Rgb> parse_hex(std::string_view text) {
   uint32_t bits = 0;
   const auto [end, error] = std::from_chars(text.data() + 1, text.data() + 7, bits, 16);
   if (error != std::errc() || end != text.data() + 7) return std::nullopt;
-  return Rgb{srgb_to_linear((bits >> 16 & 255) / 255.0), srgb_to_linear((bits >> 8 & 255) / 255.0),
-             srgb_to_linear((bits & 255) / 255.0)};
+  return Rgb{linear_of((bits >> 16 & 255) / 255.0), linear_of((bits >> 8 & 255) / 255.0),
+             linear_of((bits & 255) / 255.0)};
 }
 
 std::optional<Rgb> parse_rgb(std::string_view text) {
@@ -61,7 +61,7 @@ Rgb load_rgb(const Element& element, Problems& problems) {
     return kGrey;
   }
   if (element.tag != "srgb" || trim(element.get("value")).starts_with('#')) return *colour;
-  return {srgb_to_linear((*colour)[0]), srgb_to_linear((*colour)[1]), srgb_to_linear((*colour)[2])};
+  return {linear_of((*colour)[0]), linear_of((*colour)[1]), linear_of((*colour)[2])};
 }
 
 // Negative components, and for reflectances those above 1, are moved to the bounds: no colour of

@@ -77,7 +77,8 @@ Result<Image> read(const std::filesystem::path& path, const ImageDecoding& decod
   const std::string& content = *bytes.value();
   Result<Image> image = image_io::read_image(
       {reinterpret_cast<const uint8_t*>(content.data()), content.size()}, path.string(),
-      decoding.srgb ? image_io::Encoding::kSrgb : image_io::Encoding::kLinear);
+      decoding.srgb ? image_io::Encoding::kSrgb : image_io::Encoding::kLinear,
+      context.files.memory().for_file(content.size()));
   if (!image) return image;
   apply_gamma(decoding.gamma, image.value());
   if (decoding.channels == ImageChannels::kAll) return image;
@@ -125,6 +126,10 @@ Index load_image(Properties& properties, const ImageDecoding& decoding, Context&
   Result<Image> image = read(path.value(), decoding, context);
   if (!image) {
     context.problems.fail(image.error().message, where);
+    return scene::kNone;
+  }
+  if (std::optional<Error> error = context.files.memory().take(image.value())) {
+    context.problems.fail(path.value().string() + ": " + error->message, where);
     return scene::kNone;
   }
   context.scene.images.push_back(std::move(image.value()));

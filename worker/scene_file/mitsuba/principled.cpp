@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 #include "scene_file/mitsuba/bsdf_models.h"
 #include "scene_file/mitsuba/surface_parameters.h"
@@ -11,6 +13,14 @@ constexpr Range kUnit = {0, 1};
 // How often a lobe is sampled: 0 or more, compared with the others.
 float read_rate(Properties& properties, std::string_view name) {
   return static_cast<float>(properties.number_in(name, 1, 0, 1e6));
+}
+
+// Without any rate a lobe could not be sampled at all.
+void require_a_rate(Properties& properties, std::initializer_list<float> rates) {
+  if (std::any_of(rates.begin(), rates.end(), [](float rate) { return rate > 0; })) return;
+  properties.problems().fail(
+      "one of the sampling rates of " + properties.element().describe() + " must be greater than 0",
+      properties.element().where);
 }
 
 // eta, or Disney's "specular" for which 0.5 is eta 1.5 (Burley 2012, section 5.5).
@@ -50,6 +60,8 @@ BsdfModel load_principled(Properties& properties, Context& context) {
   model.clearcoat_sampling_rate = read_rate(properties, "clearcoat_sampling_rate");
   model.diffuse_reflectance_sampling_rate =
       read_rate(properties, "diffuse_reflectance_sampling_rate");
+  require_a_rate(properties, {model.main_specular_sampling_rate, model.clearcoat_sampling_rate,
+                              model.diffuse_reflectance_sampling_rate});
   return model;
 }
 
@@ -76,6 +88,10 @@ BsdfModel load_principled_thin(Properties& properties, Context& context) {
       read_rate(properties, "diffuse_reflectance_sampling_rate");
   model.diffuse_transmittance_sampling_rate =
       read_rate(properties, "diffuse_transmittance_sampling_rate");
+  require_a_rate(
+      properties,
+      {model.spec_reflectance_sampling_rate, model.spec_transmittance_sampling_rate,
+       model.diffuse_reflectance_sampling_rate, model.diffuse_transmittance_sampling_rate});
   return model;
 }
 

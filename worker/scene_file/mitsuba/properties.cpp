@@ -120,12 +120,16 @@ double Properties::number(std::string_view name, double fallback) {
 double Properties::number_in(std::string_view name, double fallback, double lowest,
                              double highest) {
   const double value = number(name, fallback);
-  if (value >= lowest && value <= highest) return value;
+  return check_range(name, value, lowest, highest) ? value : fallback;
+}
+
+bool Properties::check_range(std::string_view name, double value, double lowest, double highest) {
+  if (value >= lowest && value <= highest) return true;
   problems_.fail("parameter \"" + std::string(name) + "\" of " + element_.describe() +
                      " must be between " + number_text(lowest) + " and " + number_text(highest) +
                      ", not " + number_text(value),
                  find(name)->where);
-  return fallback;
+  return false;
 }
 
 int64_t Properties::integer(std::string_view name, int64_t fallback) {

@@ -37,6 +37,8 @@ class Properties {
   // Like number and integer; values outside [lowest, highest] are a problem.
   double number_in(std::string_view name, double fallback, double lowest, double highest);
   int64_t integer_in(std::string_view name, int64_t fallback, int64_t lowest, int64_t highest);
+  // Whether a value read from the parameter lies in [lowest, highest]; if not, it is a problem.
+  bool check_range(std::string_view name, double value, double lowest, double highest);
 
   // The child with this name, whatever it is, or nullptr. Asks for it.
   const Element* find(std::string_view name);

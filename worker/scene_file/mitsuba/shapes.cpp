@@ -1,5 +1,6 @@
 #include "scene_file/mitsuba/shapes.h"
 
+#include <optional>
 #include <utility>
 
 #include "scene_file/mitsuba/bsdfs.h"
@@ -49,6 +50,12 @@ void load_light(Properties& properties, Shape& shape, Context& context) {
   shape.area_emitter = load_area_emitter(*emitter, context);
 }
 
+void take_object(const Element& element, Context& context) {
+  if (const std::optional<Error> error = context.files.memory().take_object()) {
+    context.problems.fail(error->message, element.where);
+  }
+}
+
 void load_single_shape(const Element& element, Index group, Context& context) {
   const auto* plugin = find_plugin(kShapes, element, "it is left out", context.problems);
   if (!plugin) return;
@@ -66,6 +73,7 @@ void load_single_shape(const Element& element, Index group, Context& context) {
   properties.ignore({"silhouette_sampling_weight", "caustic_receiver", "caustic_bouncer",
                      "caustic_caster_single", "caustic_caster_multi", "glinty"});
   properties.finish();
+  take_object(element, context);
   context.scene.shapes.push_back(std::move(shape));
 }
 
@@ -109,22 +117,20 @@ void load_instance(const Element& element, Context& context) {
   }
   instance.group = group_of(*group, context);
   properties.finish();
+  take_object(element, context);
   context.scene.instances.push_back(std::move(instance));
 }
 
 void load_into(const Element& element, Index group, Context& context) {
+  // References let few lines stand for any number of shapes: stop at the first problem.
+  if (context.problems.failed()) return;
   const std::string& type = element.get("type");
   if (type != "instance" && type != "shapegroup" && type != "merge") {
     return load_single_shape(element, group, context);
   }
-  // References let few lines stand for any number of shapes: stop at the first problem.
-  if (context.problems.failed()) return;
-  constexpr size_t kMaxNesting = 16, kMaxShapes = size_t{1} << 22;
+  constexpr size_t kMaxNesting = 16;
   if (context.shapes_in_progress.size() >= kMaxNesting) {
     return context.problems.fail("shapes are nested more than 16 deep", element.where);
-  }
-  if (context.scene.shapes.size() > kMaxShapes) {
-    return context.problems.fail("the scene has more than 4194304 shapes", element.where);
   }
   if (!context.shapes_in_progress.insert(&element).second) {
     return context.problems.fail(element.describe() + " contains itself", element.where);

@@ -49,6 +49,10 @@ DateAndPlace read_date_and_place(Properties& properties) {
 Point read_sun(Properties& properties, bool y_up) {
   if (properties.has("sun_direction")) {
     const Point world = properties.point("sun_direction", {0, 0, 1});
+    if (length(world) == 0) {
+      properties.problems().fail("sun_direction must not be (0, 0, 0)",
+                                 properties.find("sun_direction")->where);
+    }
     const Matrix to_world = properties.transform("to_world");
     Point local;
     for (int axis = 0; axis < 3; ++axis)
@@ -224,6 +228,9 @@ decltype(scene::Emitter::model) load_sky(Properties& properties, Context& contex
                         properties.element().where);
   emitter.image = static_cast<scene::Index>(context.scene.images.size());
   context.scene.images.push_back({kWidth, kHeight, 3, std::move(pixels), false});
+  if (const auto error = context.files.memory().take(context.scene.images.back())) {
+    context.problems.fail(error->message, properties.element().where);
+  }
   return emitter;
 }
 

@@ -3,8 +3,8 @@
 
 #include <string_view>
 
-#include "scene_file/mitsuba/named_materials.h"
 #include "scene_file/mitsuba/textures.h"
+#include "scene_file/named_materials.h"
 
 namespace metrofarm::scene_file::mitsuba {
 

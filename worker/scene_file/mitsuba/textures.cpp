@@ -4,6 +4,7 @@
 
 #include "scene_file/mitsuba/images.h"
 #include "scene_file/names.h"
+#include "spectrum/luminance.h"
 
 namespace metrofarm::scene_file::mitsuba {
 namespace {
@@ -50,14 +51,16 @@ Value read_choice(Properties& properties, std::string_view name, std::string_vie
                   const std::pair<std::string_view, Value> (&choices)[count]) {
   const std::string word = lower_case(properties.text(name, fallback));
   std::vector<std::string_view> words;
+  Value otherwise{};
   for (const auto& [known, value] : choices) {
     if (known == word) return value;
+    if (known == fallback) otherwise = value;
     words.push_back(known);
   }
   properties.problems().unsupported("unknown " + std::string(name) + " \"" + word + "\" of " +
                                         properties.element().describe() + suggestion(word, words),
                                     properties.find(name)->where);
-  return read_choice(properties, "", fallback, choices);
+  return otherwise;
 }
 
 scene::TextureFilter read_filter(Properties& properties) {
@@ -177,10 +180,6 @@ Colour load_new_texture(const Element& element, ColourUse use, Context& context)
   return colour;
 }
 
-float luminance(const scene::Rgb& c) {
-  return 0.212671F * c[0] + 0.715160F * c[1] + 0.072169F * c[2];
-}
-
 }  // namespace
 
 Colour load_textured_colour(const Element& element, ColourUse use, Context& context) {
@@ -220,8 +219,10 @@ scene::Scalar read_textured_number(Properties& properties, std::string_view name
     return static_cast<float>(properties.number_in(name, fallback, range.lowest, range.highest));
   }
   const Colour colour = read_textured_colour(properties, name, {}, ColourUse::kIndex, context);
-  if (colour.texture != scene::kNone) return {luminance(colour.value), colour.texture};
-  return (colour.value[0] + colour.value[1] + colour.value[2]) / 3;
+  if (colour.texture != scene::kNone) return {luminance(colour.value.data()), colour.texture};
+  const float mean = (colour.value[0] + colour.value[1] + colour.value[2]) / 3;
+  properties.check_range(name, mean, range.lowest, range.highest);
+  return mean;
 }
 
 const Element* find_nested_texture(Properties& properties, std::string_view except) {

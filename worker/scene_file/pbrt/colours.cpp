@@ -4,9 +4,10 @@
 #include <array>
 #include <cmath>
 
-#include "scene_file/mitsuba/spectra.h"
 #include "scene_file/names.h"
 #include "scene_file/pbrt/spectra.h"
+#include "scene_file/spectra.h"
+#include "spectrum/luminance.h"
 
 namespace metrofarm::scene_file::pbrt {
 namespace {
@@ -44,10 +45,9 @@ Rgb without_negative_parts(const Rgb& rgb) {
   return {std::max(rgb[0], 0.0F), std::max(rgb[1], 0.0F), std::max(rgb[2], 0.0F)};
 }
 
-Rgb rgb_of(const mitsuba::Spectrum& spectrum, Use use) {
-  const auto light =
-      use == Use::kEmission ? mitsuba::Illuminant::kEqualEnergy : mitsuba::Illuminant::kD65;
-  return without_negative_parts(mitsuba::spectrum_to_rgb(spectrum, light));
+Rgb rgb_of(const Spectrum& spectrum, Use use) {
+  const auto light = use == Use::kEmission ? Illuminant::kEqualEnergy : Illuminant::kD65;
+  return without_negative_parts(spectrum_to_rgb(spectrum, light));
 }
 
 class ColourReader {
@@ -108,7 +108,7 @@ class ColourReader {
           "light's \"scale\")");
     }
     if (!(parameter_.numbers[0] > 0)) return fail("must be a temperature greater than 0 kelvin");
-    return rgb_of(mitsuba::black_body(parameter_.numbers[0]), use_);
+    return rgb_of(black_body(parameter_.numbers[0]), use_);
   }
 
   Rgb read_pairs(const std::vector<double>& pairs) {
@@ -118,10 +118,10 @@ class ColourReader {
     if (wavelengths.size() != values.size()) {
       return fail("must be pairs of a wavelength in nanometres and a value, or a name in quotes");
     }
-    return read_parsed(mitsuba::make_spectrum(std::move(wavelengths), std::move(values)));
+    return read_parsed(make_spectrum(std::move(wavelengths), std::move(values)));
   }
 
-  Rgb read_parsed(const mitsuba::ParsedSpectrum& parsed) {
+  Rgb read_parsed(const ParsedSpectrum& parsed) {
     if (!parsed.spectrum) return fail("is not a spectrum: " + parsed.problem);
     return rgb_of(*parsed.spectrum, use_);
   }
@@ -137,7 +137,7 @@ class ColourReader {
 
   Rgb read_file(const std::string& name) {
     const FileBytes bytes = read_named_file(name, parameter_.where, context_);
-    return bytes ? read_parsed(mitsuba::parse_spectrum_file(*bytes)) : Rgb{0, 0, 0};
+    return bytes ? read_parsed(parse_spectrum_file(*bytes)) : Rgb{0, 0, 0};
   }
 
   const Parameter& parameter_;
@@ -161,18 +161,14 @@ Rgb read_emission(Parameters& parameters, std::string_view name, Context& contex
   const Rgb rgb =
       ColourReader(*parameter, Use::kEmission, parameters.colour_space(), context).read();
   const bool is_rgb = parameter->type == ParameterType::kRgb;
-  if (is_rgb || !(luminance_of(rgb) > 0)) return rgb;
-  return scaled(rgb, 1 / luminance_of(rgb));
+  if (is_rgb || !(luminance(rgb.data()) > 0)) return rgb;
+  return scaled(rgb, 1.0 / luminance(rgb.data()));
 }
 
 std::optional<Rgb> read_index(Parameters& parameters, std::string_view name, Context& context) {
   const Parameter* parameter = parameters.find(name);
   if (!parameter) return std::nullopt;
   return ColourReader(*parameter, Use::kIndex, parameters.colour_space(), context).read();
-}
-
-double luminance_of(const Rgb& rgb) {
-  return 0.212671 * rgb[0] + 0.715160 * rgb[1] + 0.072169 * rgb[2];
 }
 
 }  // namespace metrofarm::scene_file::pbrt

@@ -23,6 +23,4 @@ Rgb read_emission(Parameters& parameters, std::string_view name, Context& contex
 // the file doesn't have it.
 std::optional<Rgb> read_index(Parameters& parameters, std::string_view name, Context& context);
 
-double luminance_of(const Rgb& rgb);
-
 }  // namespace metrofarm::scene_file::pbrt

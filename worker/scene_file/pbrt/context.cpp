@@ -79,12 +79,17 @@ scene::Index read_named_image(const std::string& name, bool linear, const Source
   const std::span<const uint8_t> pixels(reinterpret_cast<const uint8_t*>(bytes->data()),
                                         bytes->size());
   const auto encoding = linear ? image_io::Encoding::kLinear : image_io::Encoding::kSrgb;
-  Result<scene::Image> image = image_io::read_image(pixels, name, encoding);
+  Result<scene::Image> image =
+      image_io::read_image(pixels, name, encoding, context.files.memory().for_file(pixels.size()));
   if (!image) {
     Error error = image.error();
     error.message = error.to_string();
     error.where = where;
     context.problems.fail(std::move(error));
+    return scene::kNone;
+  }
+  if (std::optional<Error> error = context.files.memory().take(image.value())) {
+    context.problems.fail("\"" + name + "\": " + error->message, where);
     return scene::kNone;
   }
   return append(context.scene.images, std::move(image.value()));

@@ -4,22 +4,20 @@
 #include <cmath>
 #include <numbers>
 
-#include "scene_file/pbrt/colours.h"
+#include "spectrum/luminance.h"
+#include "spectrum/srgb.h"
 
 namespace metrofarm::scene_file::pbrt {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using scene::Rgb;
 
-// IEC 61966-2-1.
-double decode_srgb(double encoded) {
-  return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
-}
+constexpr double kPi = std::numbers::pi;
 
 float channel(const scene::Image& image, size_t i) {
   if (const auto* floats = std::get_if<std::vector<float>>(&image.pixels)) return (*floats)[i];
   const double value = std::get<std::vector<uint8_t>>(image.pixels)[i] / 255.0;
-  return static_cast<float>(image.srgb ? decode_srgb(value) : value);
+  return static_cast<float>(image.srgb ? srgb_to_linear(value) : value);
 }
 
 // Without negative parts, as in pbrt.
@@ -110,7 +108,7 @@ double upward_illuminance(const scene::Image& map) {
       const double up = std::abs(2 * (x + 0.5) / map.width - 1);
       const double vp = std::abs(2 * (y + 0.5) / map.height - 1);
       const double r = up + vp;  // cos theta = 1 - r^2 in the inner diamond
-      if (r < 1) sum += luminance_of(pixel(map, x, y)) * (1 - r * r);
+      if (r < 1) sum += luminance(pixel(map, x, y).data()) * (1 - r * r);
     }
   }
   return sum * 2 * kPi / (static_cast<double>(map.width) * map.height);

@@ -231,7 +231,7 @@ void Interpreter::read_nested() {
   }
   const FileBytes bytes = read_named_file(name, here(), context_);
   if (!bytes) return;
-  const Result<FileBytes> plain = unzip_if_named_gz(name, bytes);
+  const Result<FileBytes> plain = unzip_if_named_gz(name, bytes, context_.files.memory());
   if (!plain) return fail(plain.error().message);
   ++nested_files_;
   ++depth_;

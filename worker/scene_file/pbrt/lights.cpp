@@ -143,6 +143,9 @@ void load_environment_map(const Loader& loader, const std::string& name) {
   Result<scene::Image> converted = to_latitude_longitude(image);
   if (!converted) return context.problems.fail(name + ": " + converted.error().message, where);
   image = std::move(converted.value());
+  if (const auto error = context.files.memory().take(image)) {
+    return context.problems.fail(name + ": " + error->message, where);
+  }
   add(loader, scene::EnvironmentEmitter{index, static_cast<float>(scale), orientation_of(loader)});
 }
 

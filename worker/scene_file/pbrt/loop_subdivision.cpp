@@ -12,8 +12,6 @@
 namespace metrofarm::scene_file::pbrt {
 namespace {
 
-constexpr size_t kMostTriangles = size_t{1} << 24;
-
 struct Edge {
   uint32_t ends[2];
   uint32_t opposite[2];  // the third corners of its triangles
@@ -170,6 +168,10 @@ class Rings {
       steps_[at[mesh.indices[i]]++] = {mesh.indices[t + (i + 1) % 3],
                                        mesh.indices[t + (i + 2) % 3]};
     }
+    for (size_t v = 0; v + 1 < first_.size(); ++v) {
+      std::sort(steps_.begin() + static_cast<std::ptrdiff_t>(first_[v]),
+                steps_.begin() + static_cast<std::ptrdiff_t>(first_[v + 1]), comes_before);
+    }
   }
 
   struct Ring {
@@ -184,9 +186,11 @@ class Rings {
     Ring ring;
     if (begin == end) return ring;
     const Step* start = begin;
+    std::vector<uint32_t> ends;
+    for (const Step* step = begin; step != end; ++step) ends.push_back(step->to);
+    std::sort(ends.begin(), ends.end());
     for (const Step* step = begin; step != end; ++step) {
-      const auto leads_here = [&](const Step& other) { return other.to == step->from; };
-      if (std::any_of(begin, end, leads_here)) continue;
+      if (std::binary_search(ends.begin(), ends.end(), step->from)) continue;
       start = step;
       ring.closed = false;
     }
@@ -196,7 +200,8 @@ class Rings {
       neighbour = step->to;
       if (neighbour == start->from) break;
       if (ring.neighbours.size() > static_cast<size_t>(end - begin)) return std::nullopt;
-      step = std::find_if(begin, end, [&](const Step& s) { return s.from == neighbour; });
+      step = std::lower_bound(begin, end, Step{neighbour, 0}, comes_before);
+      if (step != end && step->from != neighbour) step = end;
     }
     if (!ring.closed) ring.neighbours.push_back(neighbour);
     const size_t used = ring.neighbours.size() - (ring.closed ? 0 : 1);
@@ -208,8 +213,10 @@ class Rings {
   struct Step {
     uint32_t from, to;  // along a triangle's edge opposite to the vertex
   };
+  static bool comes_before(const Step& a, const Step& b) { return a.from < b.from; }
+
   std::vector<size_t> first_;
-  std::vector<Step> steps_;
+  std::vector<Step> steps_;  // of each vertex, by `from`
 };
 
 struct Tangents {
@@ -277,12 +284,12 @@ Error not_a_manifold(const std::string& what) {
 
 }  // namespace
 
-Result<SubdivisionMesh> subdivide(SubdivisionMesh control, int levels) {
-  size_t triangles = control.indices.size() / 3;
+Result<SubdivisionMesh> subdivide(SubdivisionMesh control, int levels, uint64_t most_triangles) {
+  uint64_t triangles = control.indices.size() / 3;
   for (int i = 0; i < levels; ++i) {
     triangles *= 4;
-    if (triangles > kMostTriangles) {
-      return Error{"the surface has more than " + std::to_string(kMostTriangles) +
+    if (triangles > most_triangles) {
+      return Error{"the surface has more than " + std::to_string(most_triangles) +
                    " triangles after " + std::to_string(i + 1) + " levels; use fewer levels"};
     }
   }

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scene_file/mitsuba/named_materials.h"
+#include "scene_file/named_materials.h"
 #include "scene_file/pbrt/colours.h"
 #include "scene_file/pbrt/materials.h"
 
@@ -97,7 +97,7 @@ Index Materials::with_relief(const Request& request, Index nested) {
   const std::string normals = request.parameters.text("normalmap", "", context_.problems);
   if (!normals.empty()) {
     scene::BitmapTexture bitmap;
-    bitmap.image = read_named_image(normals, true, where, context_);
+    bitmap.image = textures_.image(normals, true, where);
     bitmap.to_uv = request.shape_uv;
     if (bitmap.image == scene::kNone) return nested;
     const Index texture = append(context_.scene.textures, {bitmap, "", where});
@@ -155,7 +155,7 @@ Index Materials::load_coated_diffuse(const Request& request) {
 // prefix: as in roughness().
 Index Materials::conductor(const Request& request, std::string_view prefix) {
   const std::string start(prefix);
-  const auto copper = *mitsuba::find_conductor("Cu");
+  const auto copper = *find_conductor("Cu");
   scene::RoughConductor metal;
   metal.distribution = scene::Microfacet::kGgx;
   metal.eta = read_index(request.parameters, start + "eta", context_).value_or(copper.eta);
@@ -212,7 +212,10 @@ float Materials::eta(const Request& request) {
 Index Materials::load_dielectric(const Request& request) {
   const Roughness alpha = roughness(request, "");
   const float index = eta(request);
-  if (alpha.smooth) return with_relief(request, add(request, scene::Dielectric{index, {}, {}}));
+  // Between equal indices nothing is bent, however rough the surface is.
+  if (alpha.smooth || index == 1) {
+    return with_relief(request, add(request, scene::Dielectric{index, {}, {}}));
+  }
   scene::RoughDielectric glass;
   glass.distribution = scene::Microfacet::kGgx;
   glass.alpha_u = alpha.u;

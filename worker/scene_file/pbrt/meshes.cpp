@@ -107,12 +107,13 @@ RawMesh read_ply_mesh(Parameters& parameters, Context& context) {
   }
   const FileBytes bytes = read_named_file(name, where, context);
   if (!bytes) return {};
-  Result<FileBytes> plain = unzip_if_named_gz(name, bytes);
+  Result<FileBytes> plain = unzip_if_named_gz(name, bytes, context.files.memory());
   if (!plain) {
     context.problems.fail(plain.error().message, where);
     return {};
   }
-  Result<RawMesh> raw = parse_ply(*plain.value(), name);
+  Result<RawMesh> raw =
+      parse_ply(*plain.value(), name, context.files.memory().for_file(plain.value()->size()));
   if (raw) return std::move(raw.value());
   Error error = raw.error();
   error.message += "; wanted by " + where.file + ":" + std::to_string(where.line);
@@ -160,7 +161,10 @@ RawMesh read_loop_subdivision(Parameters& parameters, Context& context) {
   const int levels = parameters.integer_in("levels", 3, 0, context.problems);
   parameters.ignore({"scheme"});
   if (context.problems.failed()) return {};
-  const Result<SubdivisionMesh> surface = subdivide(std::move(control), levels);
+  // Half a vertex with its normal, and three indices.
+  constexpr uint64_t kBytesPerTriangle = 24;
+  const uint64_t most = std::min(kMostTriangles, context.files.memory().left() / kBytesPerTriangle);
+  const Result<SubdivisionMesh> surface = subdivide(std::move(control), levels, most);
   if (!surface) {
     context.problems.fail(surface.error().message, parameters.where());
     return {};

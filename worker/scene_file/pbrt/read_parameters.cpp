@@ -1,6 +1,8 @@
 // From tokens to parameters.
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "scene_file/names.h"
 #include "scene_file/numbers.h"
@@ -125,17 +127,20 @@ class ListReader {
     }
     const std::optional<double> value =
         quoted || row_->group == 0 ? std::nullopt : parse_double(token.text);
-    const bool fits =
-        value && (parameter.type != ParameterType::kInteger || *value == std::trunc(*value));
+    const bool fits = value && (parameter.type != ParameterType::kInteger || is_integer(*value));
     if (fits) return parameter.numbers.push_back(*value);
     fail("a value of \"" + std::string(row_->name) + " " + parameter.name + "\" must be " +
              wanted_value() + "; found \"" + std::string(token.text) + "\"",
          token.line);
   }
 
+  static bool is_integer(double value) {
+    return value == std::trunc(value) && std::abs(value) <= std::numeric_limits<int32_t>::max();
+  }
+
   std::string wanted_value() const {
     if (row_->group == 0) return "a string in quotes";
-    return row_->type == ParameterType::kInteger ? "a whole number" : "a finite number";
+    return row_->type == ParameterType::kInteger ? "a whole number of 32 bits" : "a finite number";
   }
 
   void add_bool(Parameter& parameter, const Token& token) {

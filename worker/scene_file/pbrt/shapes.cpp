@@ -28,6 +28,8 @@ void load_mesh(const Loader& loader) {
   if (loader.context.problems.failed()) return;
   Result<scene::TriangleMesh> mesh = place_mesh(std::move(raw), loader.placement.to_world);
   if (!mesh) return fail(loader, mesh.error().message);
+  const std::optional<Error> error = loader.context.files.memory().take(mesh.value());
+  if (error) return fail(loader, error->message);
   loader.placed.shape.geometry = std::move(mesh.value());
 }
 

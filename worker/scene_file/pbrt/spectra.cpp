@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "scene_file/mitsuba/named_materials.h"
+#include "scene_file/named_materials.h"
 
 namespace metrofarm::scene_file::pbrt {
 namespace {
@@ -96,7 +96,7 @@ std::optional<Rgb> find_index(std::string_view name) {
   for (const Metal& metal : kMetals) {
     const bool is_eta = metal.eta == name;
     if (!is_eta && metal.k != name) continue;
-    const auto conductor = mitsuba::find_conductor(metal.conductor);
+    const auto conductor = find_conductor(metal.conductor);
     if (!conductor) return is_eta ? kBrassEta : kBrassK;
     return is_eta ? conductor->eta : conductor->k;
   }

@@ -192,12 +192,15 @@ scene::Index Textures::image_of(const Request& request, Parameters& parameters) 
     problems.unsupported(
         "image encoding \"" + encoding + "\" is not supported; supported: sRGB, linear", where);
   }
-  const std::string name = parameters.text("filename", "", problems);
+  return image(parameters.text("filename", "", problems), linear, where);
+}
+
+scene::Index Textures::image(const std::string& name, bool linear, const SourceLocation& where) {
   const auto known = images_.find({name, linear});
   if (known != images_.end()) return known->second;
-  const scene::Index image = read_named_image(name, linear, where, context_);
-  images_.emplace(std::make_pair(name, linear), image);
-  return image;
+  const scene::Index index = read_named_image(name, linear, where, context_);
+  images_.emplace(std::make_pair(name, linear), index);
+  return index;
 }
 
 Colour Textures::build_imagemap(const Request& request) {

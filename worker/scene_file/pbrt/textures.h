@@ -24,6 +24,9 @@ class Textures {
   scene::Colour find(const std::string& name, bool is_spectrum, const UvMatrix& shape_uv,
                      const SourceLocation& where);
 
+  // Index of the image in the file `name`, which is read once; kNone after a problem.
+  scene::Index image(const std::string& name, bool linear, const SourceLocation& where);
+
  private:
   struct Definition {
     Entity entity;

@@ -50,6 +50,9 @@ void World::make_light(const AreaLight& light, scene::Shape shape, const Pending
 }
 
 void World::add(scene::Shape shape, Pending pending) {
+  if (const std::optional<Error> error = context_.files.memory().take_object()) {
+    context_.problems.fail(error->message, shape.where);
+  }
   if (in_object()) {
     if (object_->group == scene::kNone) object_->group = group_count_++;
     shape.group = object_->group;
@@ -84,6 +87,9 @@ void World::add_instance(const std::string& name, const GraphicsState& state,
                          const SourceLocation& where) {
   if (in_object()) {
     return context_.problems.fail("an ObjectInstance can't stand inside of an object", where);
+  }
+  if (const std::optional<Error> error = context_.files.memory().take_object()) {
+    return context_.problems.fail(error->message, where);
   }
   scene::Instance instance;
   instance.to_world = pose_of(state, where);

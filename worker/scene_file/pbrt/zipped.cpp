@@ -8,7 +8,6 @@
 namespace metrofarm::scene_file::pbrt {
 namespace {
 
-constexpr size_t kMostBytes = size_t{4} << 30;
 constexpr size_t kStep = size_t{1} << 20;
 
 class Inflater {
@@ -24,10 +23,10 @@ class Inflater {
   Inflater(const Inflater&) = delete;
   Inflater& operator=(const Inflater&) = delete;
 
-  // False if the data are damaged, cut short or too many.
-  bool run(std::string& output) {
+  // False if the data are damaged, cut short or more than max_bytes.
+  bool run(uint64_t max_bytes, std::string& output) {
     int status = ready_ ? Z_OK : Z_STREAM_ERROR;
-    while (status == Z_OK && output.size() < kMostBytes) {
+    while (status == Z_OK && output.size() <= max_bytes) {
       const size_t before = output.size();
       output.resize(before + kStep);
       if (stream_.avail_in == 0) feed();
@@ -36,7 +35,7 @@ class Inflater {
       status = inflate(&stream_, Z_NO_FLUSH);
       output.resize(before + kStep - stream_.avail_out);
     }
-    return status == Z_STREAM_END;
+    return status == Z_STREAM_END && output.size() <= max_bytes;
   }
 
  private:
@@ -53,13 +52,18 @@ class Inflater {
 
 }  // namespace
 
-Result<FileBytes> unzip_if_named_gz(const std::string& name, const FileBytes& bytes) {
+Result<FileBytes> unzip_if_named_gz(const std::string& name, const FileBytes& bytes,
+                                    const MemoryBudget& memory) {
   if (!name.ends_with(".gz")) return bytes;
   auto plain = std::make_shared<std::string>();
-  if (Inflater(*bytes).run(*plain)) return FileBytes(std::move(plain));
+  const uint64_t limit = memory.for_file(bytes->size());
+  if (Inflater(*bytes).run(limit, *plain)) return FileBytes(std::move(plain));
   return Error{"\"" + name +
                "\" can't be decompressed: it is no gzip file, is damaged or holds "
-               "more than 4 GiB; gunzip it and name the plain file"};
+               "more than " +
+               std::to_string(limit) +
+               " bytes, the most for a file of its size; "
+               "gunzip it and name the plain file"};
 }
 
 }  // namespace metrofarm::scene_file::pbrt

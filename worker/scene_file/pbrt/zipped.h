@@ -8,7 +8,9 @@
 
 namespace metrofarm::scene_file::pbrt {
 
-// The bytes as they are, or decompressed where the name ends in .gz. Errors have no location.
-Result<FileBytes> unzip_if_named_gz(const std::string& name, const FileBytes& bytes);
+// The bytes as they are, or decompressed where the name ends in .gz; not more of them than `memory`
+// allows a file of that size. Errors have no location.
+Result<FileBytes> unzip_if_named_gz(const std::string& name, const FileBytes& bytes,
+                                    const MemoryBudget& memory);
 
 }  // namespace metrofarm::scene_file::pbrt

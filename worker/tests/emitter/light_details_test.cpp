@@ -223,5 +223,19 @@ TEST(LightTable, TheDimmestLightIsChosen) {
   EXPECT_NEAR(lane_value(s.value.x, 0), 0x1p24 / 4, 1);
 }
 
+// Nor what a dim part of a map adds: beside it, its cells have less than 2^-24 of the row's light.
+TEST(LightTable, TheDimmestPartOfAMapIsChosen) {
+  SceneBuilder b;
+  b.description().images.push_back(
+      test::map_image(64, 2, [](int x, int) { return x == 10 ? 1e9F : 1.F; }));
+  b.emitter(scene::EnvironmentEmitter{0, 1});
+  const Lights lights(b);
+  const LightSample s = lights.sample(splat(0.F), Float(0), {Float(kOneMinusEpsilon), Float(0.5F)});
+  EXPECT_TRUE(all(s.valid));
+  EXPECT_NEAR(lane_value(lights.table.environment(s.direction, all_lanes()).x, 0), 1, 1e-3);
+  // One step of 2^-24 for a 64th of the sphere.
+  EXPECT_NEAR(lane_value(s.pdf_solid_angle, 0) * 0x1p24 * (4 * kPiDouble / 64), 1, 1e-3);
+}
+
 }  // namespace
 }  // namespace metrofarm::emitter

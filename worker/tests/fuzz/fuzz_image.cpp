@@ -7,9 +7,8 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace metrofarm;
-  constexpr uint64_t kPixels = 1 << 16;
-  const auto image =
-      image_io::read_image({data, size}, "input", image_io::Encoding::kSrgb, kPixels);
+  constexpr uint64_t kBytes = 1 << 20;
+  const auto image = image_io::read_image({data, size}, "input", image_io::Encoding::kSrgb, kBytes);
   if (!image) {
     METROFARM_CHECK(!image.error().message.empty());
     return 0;

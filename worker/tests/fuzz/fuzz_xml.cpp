@@ -35,6 +35,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     metrofarm::scene_file::LoadOptions options;
     options.lenient = lenient;
     options.root = directory.path;
+    options.max_bytes = uint64_t{1} << 24;
     static_cast<void>(metrofarm::scene_file::load_scene(file, options));
   }
   return 0;

@@ -127,8 +127,8 @@ TEST(ReadImage, ExrPrimariesBecomeRec709) {
   expect_picture(read_valid("primaries.exr"), 3, rec709, 0.01);
 }
 
-std::string error_of(std::span<const uint8_t> bytes, uint64_t max_pixels = kMaxPixels) {
-  const auto image = read_image(bytes, "picture", Encoding::kSrgb, max_pixels);
+std::string error_of(std::span<const uint8_t> bytes, uint64_t max_bytes = kAnyBytes) {
+  const auto image = read_image(bytes, "picture", Encoding::kSrgb, max_bytes);
   return image.ok() ? "" : image.error().to_string();
 }
 
@@ -164,10 +164,12 @@ TEST(ReadImage, RefusesCmykJpeg) {
 }
 
 TEST(ReadImage, RefusesSizesBeforeTakingMemory) {
-  EXPECT_EQ(error_of(read_file("rgb8.png"), 19),
-            "picture: PNG image: 5 x 4 pixels; at most 19 are allowed");
-  EXPECT_EQ(error_of(read_file("half.exr"), 19),
-            "picture: OpenEXR image: 5 x 4 pixels; at most 19 are allowed");
+  EXPECT_EQ(error_of(read_file("rgb8.png"), 60), "");
+  EXPECT_EQ(error_of(read_file("rgb8.png"), 59),
+            "picture: PNG image: 5 x 4 pixels take 60 bytes of memory; of a file of 110 bytes at "
+            "most 59 are allowed");
+  EXPECT_EQ(error_of(read_file("half.exr"), 319).substr(0, 64),
+            "picture: OpenEXR image: 5 x 4 pixels take 320 bytes of memory; o");
   const auto png = [](std::array<uint8_t, 8> size) {
     auto bytes = read_file("rgb8.png");
     std::copy(size.begin(), size.end(), bytes.begin() + 16);
@@ -182,9 +184,39 @@ TEST(ReadImage, RefusesSizesBeforeTakingMemory) {
   EXPECT_NE(png({0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff}), "");
 }
 
+// Little files that stand for gigabytes: what their headers say is enough.
+TEST(ReadImage, RefusesMoreMemoryThanAFileOfItsSizeMayTake) {
+  const std::string text = "#?RADIANCE\n\n-Y 8192 +X 16384\n";
+  std::vector<uint8_t> hdr(text.begin(), text.end());
+  hdr.resize(4096, 1);
+  EXPECT_EQ(error_of(hdr),
+            "picture: Radiance HDR image: 16384 x 8192 pixels take 1610612736 bytes of memory; of "
+            "a file of 4096 bytes at most 268697600 are allowed");
+  auto exr = read_file("half.exr");
+  const std::string window = "dataWindow";
+  const auto found = std::search(exr.begin(), exr.end(), window.begin(), window.end());
+  ASSERT_LT(found + 36, exr.end());
+  found[29] = found[33] = 0x40;  // up to pixel 8000 in either direction
+  found[30] = found[34] = 0x1f;
+  exr.resize(4096);
+  EXPECT_NE(error_of(exr).find(" bytes of memory; of a file of 4096 bytes at most 268697600 are"),
+            std::string::npos)
+      << error_of(exr);
+}
+
+// A colour pixel has 24 bits, of which deflate packs at most 1032 into one.
+TEST(ReadImage, PngDataMustSufficeForAllBitsOfAPixel) {
+  auto bytes = read_file("rgb8.png");
+  bytes[18] = bytes[22] = 0x01;
+  bytes[19] = bytes[23] = 0x2c;
+  EXPECT_EQ(error_of(bytes),
+            "picture: PNG image: the header promises 300 x 300 pixels, more than the file's 110 "
+            "bytes can hold");
+}
+
 // Decoding a damaged file ends, with pixels that fit the size or with an error.
 void expect_image_or_error(std::span<const uint8_t> bytes) {
-  const auto image = read_image(bytes, "damaged", Encoding::kSrgb, 1 << 16);
+  const auto image = read_image(bytes, "damaged", Encoding::kSrgb, 1 << 20);
   if (!image) {
     EXPECT_FALSE(image.error().message.empty());
     return;

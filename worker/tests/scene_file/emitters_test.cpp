@@ -136,6 +136,9 @@ TEST(Sky, StandsUprightInBothGenerations) {
                      "z=\"-1\"/></emitter>")
                 .substr(0, 39),
             "scene.xml:2: the sun is below the horiz");
+  EXPECT_EQ(error_of("<emitter type=\"sky\">\n<vector name=\"sun_direction\" x=\"0\" y=\"0\" "
+                     "z=\"0\"/></emitter>"),
+            "scene.xml:3: sun_direction must not be (0, 0, 0)");
 }
 
 }  // namespace

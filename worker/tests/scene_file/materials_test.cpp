@@ -272,6 +272,28 @@ TEST(Principled, DefaultsAndParameters) {
   EXPECT_EQ(load_bsdf<scene::Principled>("principled", parameter("float", "eta", "1.3")).eta, 1.3F);
 }
 
+TEST(Principled, SomeLobeMustBeSampled) {
+  const auto zero = [](const std::string& name) { return parameter("float", name, "0"); };
+  const std::string rates =
+      zero("main_specular_sampling_rate") + zero("diffuse_reflectance_sampling_rate");
+  EXPECT_EQ(error_of(bsdf("principled", rates)), "");
+  EXPECT_EQ(error_of(bsdf("principled", rates + zero("clearcoat_sampling_rate"))),
+            "scene.xml:2: one of the sampling rates of bsdf \"principled\" must be greater than 0");
+  EXPECT_EQ(
+      error_of(bsdf("principledthin", zero("specular_reflectance_sampling_rate") +
+                                          zero("specular_transmittance_sampling_rate") +
+                                          zero("diffuse_reflectance_sampling_rate") +
+                                          zero("diffuse_transmittance_sampling_rate"))),
+      "scene.xml:2: one of the sampling rates of bsdf \"principledthin\" must be greater than "
+      "0");
+}
+
+TEST(Principled, ColoursInPlaceOfNumbersHaveTheirRangeToo) {
+  EXPECT_EQ(
+      error_of(bsdf("principled", parameter("rgb", "metallic", "0.5, 1, 2"))).substr(0, 83),
+      "scene.xml:3: parameter \"metallic\" of bsdf \"principled\" must be between 0 and 1, not");
+}
+
 TEST(Principled, Errors) {
   EXPECT_EQ(error_of(bsdf("principled", parameter("float", "specular", "0.5") +
                                             parameter("float", "eta", "1.5"))),

@@ -48,6 +48,23 @@ TEST(PbrtMaterials, RoughnessIsRemappedByItsSquareRoot) {
   EXPECT_FLOAT_EQ(plain.alpha_v.value, 0.1F);
 }
 
+TEST(PbrtMaterials, RoughGlassOfEqualIndicesIsSmooth) {
+  EXPECT_EQ(model_of<scene::Dielectric>(
+                with_material("Material \"dielectric\" \"float roughness\" 0.3 \"float eta\" 1"))
+                .eta,
+            1);
+}
+
+TEST(PbrtMaterials, ANormalMapIsReadOnce) {
+  const Directory directory;
+  directory.write("n.pfm", "PF\n1 1\n-1\n" + std::string(12, '\0'));
+  const std::string shape = "Material \"diffuse\" \"string normalmap\" \"n.pfm\" Shape \"disk\" ";
+  const auto scene = load_pbrt(directory, pbrt_around(shape + shape));
+  ASSERT_TRUE(scene) << scene.error().to_string();
+  EXPECT_EQ(scene.value().images.size(), 1U);
+  EXPECT_EQ(scene.value().shapes.size(), 2U);
+}
+
 TEST(PbrtMaterials, Conductors) {
   const auto copper = model_of<scene::Conductor>(with_material("Material \"conductor\""));
   EXPECT_NEAR(copper.eta[0], 0.201, 0.01);

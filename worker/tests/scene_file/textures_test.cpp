@@ -196,6 +196,19 @@ TEST_F(Textures, MeshAttributes) {
             std::string::npos);
 }
 
+TEST_F(Textures, UnknownChoicesFallBackUnderLeniency) {
+  LoadOptions lenient;
+  lenient.lenient = true;
+  const auto scene =
+      load_text(directory,
+                scene_around(bsdf(
+                    "diffuse", bitmap("reflectance", parameter("string", "wrap_mode", "border")))),
+                lenient);
+  ASSERT_TRUE(scene) << scene.error().to_string();
+  EXPECT_EQ(std::get<scene::BitmapTexture>(scene.value().textures.at(0).model).wrap,
+            scene::TextureWrap::kRepeat);
+}
+
 TEST_F(Textures, Errors) {
   EXPECT_EQ(
       error(parameter("string", "filter_type", "cubic")),

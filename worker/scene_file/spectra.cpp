@@ -1,13 +1,13 @@
-#include "scene_file/mitsuba/spectra.h"
+#include "scene_file/spectra.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "scene_file/mitsuba/cie1931.h"
+#include "scene_file/cie1931.h"
 #include "scene_file/numbers.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 namespace {
 
 // Mitsuba integrates with this many points, the ends included.
@@ -142,4 +142,4 @@ ParsedSpectrum parse_spectrum_file(std::string_view text) {
   return make_spectrum(std::move(wavelengths), std::move(values));
 }
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file

@@ -7,7 +7,7 @@
 
 #include "scene/description.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 
 struct ConductorIndex {
   scene::Rgb eta;
@@ -22,4 +22,4 @@ std::vector<std::string_view> conductor_names();
 std::optional<double> find_ior(std::string_view name);
 std::vector<std::string_view> ior_names();
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file

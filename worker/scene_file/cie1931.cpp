@@ -1,7 +1,7 @@
 // Written by generate_cie1931.py.
-#include "scene_file/mitsuba/cie1931.h"
+#include "scene_file/cie1931.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 
 // clang-format off
 const CieRow kCieTable[kCieRows] = {
@@ -103,4 +103,4 @@ const CieRow kCieTable[kCieRows] = {
 };
 // clang-format on
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file

@@ -2,7 +2,7 @@
 // standard illuminant D65.
 #pragma once
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 
 struct CieRow {
   double x, y, z;  // colour matching functions
@@ -17,4 +17,4 @@ inline constexpr int kCieRows = 95;
 // One row each kCieStep, to be interpolated linearly.
 extern const CieRow kCieTable[kCieRows];
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file

@@ -23,9 +23,9 @@ for wavelength in range(FIRST, LAST + 1, STEP):
     values = [float(v) for v in mi.cie1931_xyz(float(wavelength))] + [d65(float(wavelength))]
     rows.append("    {" + ", ".join(f"{v:.7g}" for v in values) + f"}},  // {wavelength}")
 text = """// Written by generate_cie1931.py.
-#include "scene_file/mitsuba/cie1931.h"
+#include "scene_file/cie1931.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 
 // clang-format off
 const CieRow kCieTable[kCieRows] = {
@@ -33,6 +33,6 @@ const CieRow kCieTable[kCieRows] = {
 };
 // clang-format on
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file
 """ % "\n".join(rows)
 pathlib.Path(__file__).with_name("cie1931.cpp").write_text(text)

@@ -1,10 +1,10 @@
-#include "scene_file/mitsuba/named_materials.h"
+#include "scene_file/named_materials.h"
 
 #include <array>
 
 #include "scene_file/names.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 namespace {
 
 struct NamedConductor {
@@ -134,4 +134,4 @@ std::vector<std::string_view> ior_names() {
   return names;
 }
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file

@@ -8,7 +8,7 @@
 
 #include "scene/description.h"
 
-namespace metrofarm::scene_file::mitsuba {
+namespace metrofarm::scene_file {
 
 // Linear between its points and 0 outside them.
 struct Spectrum {
@@ -43,4 +43,4 @@ ParsedSpectrum parse_spectrum_file(std::string_view text);
 // The points of two lists of the same length.
 ParsedSpectrum make_spectrum(std::vector<double> wavelengths, std::vector<double> values);
 
-}  // namespace metrofarm::scene_file::mitsuba
+}  // namespace metrofarm::scene_file
