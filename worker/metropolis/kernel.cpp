@@ -11,12 +11,6 @@ using primary_space::FixedPair;
 
 namespace {
 
-UInt to_torus(Float displacement) {
-  const Float wrapped = displacement - xsimd::nearbyint(displacement);
-  // +0.5 becomes -2^31, the same point.
-  return as_uint(Int(_mm256_cvtps_epi32(wrapped * Float(0x1p32F))));
-}
-
 Float from_torus(UInt displacement) {
   return to_float(as_int(displacement)) * Float(0x1p-32F);
 }
@@ -40,10 +34,6 @@ Mask between(Float low, Float x, Float high) {
 }
 
 }  // namespace
-
-FixedPair to_torus(const Displacement& d) {
-  return {to_torus(d.first), to_torus(d.second)};
-}
 
 Displacement from_torus(const FixedPair& d) {
   return {from_torus(d.first), from_torus(d.second)};
@@ -98,7 +88,7 @@ Displacement Stepper::turned(UInt word0, UInt word1, UInt angle) const {
 }
 
 FixedPair Stepper::step(const FixedPair& from, UInt word0, UInt word1) const {
-  const FixedPair d = metropolis::to_torus(displacement(word0, word1));
+  const FixedPair d = to_torus(displacement(word0, word1));
   return {from.first + d.first, from.second + d.second};
 }
 

@@ -35,7 +35,14 @@ struct Displacement {
 };
 
 // To fixed point modulo 1.
-primary_space::FixedPair to_torus(const Displacement& d);
+inline UInt to_torus(Float displacement) {
+  const Float wrapped = displacement - xsimd::nearbyint(displacement);
+  // +0.5 becomes -2^31, the same point.
+  return as_uint(Int(_mm256_cvtps_epi32(wrapped * Float(0x1p32F))));
+}
+inline primary_space::FixedPair to_torus(const Displacement& d) {
+  return {to_torus(d.first), to_torus(d.second)};
+}
 // The shortest displacement that leads there.
 Displacement from_torus(const primary_space::FixedPair& d);
 

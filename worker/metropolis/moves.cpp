@@ -28,20 +28,35 @@ Moves::Moves(const Proposals& proposals)
       local_(scaled(kernel_, delayed_.local_scale)),
       angles_(delayed_.angle_law, delayed_.concentration) {}
 
+FixedPair Moves::keep_frozen(Slot slot, const FixedPair& from, FixedPair to) const {
+  for (const FrozenPair& f : frozen_) {
+    if (f.slot != slot) continue;
+    if (f.first) to.first = from.first;
+    if (f.second) to.second = from.second;
+  }
+  return to;
+}
+
 bool Moves::frozen(Slot slot) const {
   return std::any_of(frozen_.begin(), frozen_.end(),
                      [slot](const FrozenPair& f) { return f.slot == slot && f.first && f.second; });
 }
 
-FixedPair Moves::second(Slot slot, const FixedPair& words, const RngWords& own, Mask large) const {
+FixedPair Moves::second_step(const FixedPair& words, const RngWords& own, Mask large) const {
   const bool orbital = delayed_.move == SecondMove::kOrbital;
   FixedPair local{UInt(0U), UInt(0U)};
   if (!orbital || any(large)) local = to_torus(local_.displacement(own[0], own[1]));
-  if (!orbital || all(large)) return thaw(slot, local);
+  if (!orbital || all(large)) return local;
   const FixedPair step = to_torus(stepper_.displacement(words.first, words.second));
   const UInt angle = angles_.angle(own[2]);
   const FixedPair turned = to_torus(stepper_.turned(words.first, words.second, angle));
-  return thaw(slot, select(large, local, difference(step, turned)));
+  return select(large, local, difference(step, turned));
+}
+
+FixedPair Moves::second(Slot slot, const FixedPair& x, const FixedPair& words, const RngWords& own,
+                        Mask large) const {
+  const FixedPair step = second_step(words, own, large);
+  return keep_frozen(slot, x, {x.first + step.first, x.second + step.second});
 }
 
 Float Moves::log_ratio(Slot slot, const FixedPair& words, const RngWords& own) const {

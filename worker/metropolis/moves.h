@@ -24,28 +24,31 @@ class Moves {
   const Kernel& kernel() const { return kernel_; }
   const DelayedRejection& delayed_rejection() const { return delayed_; }
 
-  // y - x of a small step.
-  primary_space::FixedPair first(primary_space::Slot slot, UInt word0, UInt word1) const {
-    return thaw(slot, to_torus(stepper_.displacement(word0, word1)));
+  // y of a small step from x.
+  primary_space::FixedPair first(primary_space::Slot slot, const primary_space::FixedPair& x,
+                                 UInt word0, UInt word1) const {
+    const primary_space::FixedPair y = stepper_.step(x, word0, word1);
+    return frozen_.empty() ? y : keep_frozen(slot, x, y);
   }
-  // z - x, where a small step was made of (word0, word1), after a large step where `large`.
-  primary_space::FixedPair second(primary_space::Slot slot, const primary_space::FixedPair& words,
-                                  const RngWords& own, Mask large) const;
+  // z of a second stage from x: after a small step that was made of two words, or after a large
+  // step where `large`. own: words of the second stage.
+  primary_space::FixedPair second(primary_space::Slot slot, const primary_space::FixedPair& x,
+                                  const primary_space::FixedPair& words, const RngWords& own,
+                                  Mask large) const;
   // ln of the ratio of the first stage's densities, z to y over x to y, after a small step; where z
   // cannot lead to y, minus infinity.
   Float log_ratio(primary_space::Slot slot, const primary_space::FixedPair& words,
                   const RngWords& own) const;
 
  private:
-  primary_space::FixedPair thaw(primary_space::Slot slot, primary_space::FixedPair step) const {
-    for (const FrozenPair& f : frozen_) {
-      if (f.slot != slot) continue;
-      if (f.first) step.first = UInt(0U);
-      if (f.second) step.second = UInt(0U);
-    }
-    return step;
-  }
+  // `to`, but for coordinates that are frozen, which are those of `from`.
+  primary_space::FixedPair keep_frozen(primary_space::Slot slot,
+                                       const primary_space::FixedPair& from,
+                                       primary_space::FixedPair to) const;
   bool frozen(primary_space::Slot slot) const;
+  // z - x with nothing frozen.
+  primary_space::FixedPair second_step(const primary_space::FixedPair& words, const RngWords& own,
+                                       Mask large) const;
 
   Kernel kernel_;
   DelayedRejection delayed_;

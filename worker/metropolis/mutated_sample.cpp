@@ -22,10 +22,6 @@ FixedPair select(Mask m, const FixedPair& a, const FixedPair& b) {
   return {metrofarm::select(m, a.first, b.first), metrofarm::select(m, a.second, b.second)};
 }
 
-FixedPair sum(const FixedPair& a, const FixedPair& b) {
-  return {a.first + b.first, a.second + b.second};
-}
-
 }  // namespace
 
 MutatedSample::MutatedSample(RngKey key, UInt chain_ids, const Moves& moves)
@@ -55,47 +51,43 @@ FixedPair MutatedSample::start(const SlotState& s, const RngWords& w) const {
   return select(mask_from_bits(s.known), s.current, {w[0], w[1]});
 }
 
-FixedPair MutatedSample::first(Slot slot, const SlotState& s) const {
+void MutatedSample::propose(Slot slot, SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
   const FixedPair fresh{w[2], w[3]};
-  if (all(large_)) return fresh;
-  return select(large_, fresh, sum(start(s, w), moves_.first(slot, w[2], w[3])));
+  s.first =
+      all(large_) ? fresh : select(large_, fresh, moves_.first(slot, start(s, w), w[2], w[3]));
 }
 
 FixedPair MutatedSample::second(Slot slot, const SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
   const RngWords own = words(static_cast<uint32_t>(slot) | kSecondStage);
-  return sum(start(s, w), moves_.second(slot, {w[2], w[3]}, own, large_));
+  return moves_.second(slot, start(s, w), {w[2], w[3]}, own, large_);
 }
 
 FixedPair MutatedSample::reverse(Slot slot, const SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
-  const FixedPair step = moves_.first(slot, w[2], w[3]);
-  const FixedPair z = second(slot, s);
-  return {z.first - step.first, z.second - step.second};
-}
-
-FixedPair MutatedSample::at_stage(Slot slot, SlotState& s) {
-  const uint32_t read = s.read[static_cast<int>(stage_)];
-  switch (stage_) {
-    case Stage::kFirst:
-      if (read == 0) s.first = first(slot, s);
-      return s.first;
-    case Stage::kSecond:
-      if (read == 0) s.second = second(slot, s);
-      return s.second;
-    case Stage::kReverse:
-      break;
-  }
-  return reverse(slot, s);
+  const FixedPair x = start(s, w), y = moves_.first(slot, x, w[2], w[3]), z = second(slot, s);
+  return {z.first - (y.first - x.first), z.second - (y.second - x.second)};
 }
 
 Pair MutatedSample::pair(Slot slot, Mask lanes) {
   SlotState& s = slot_state(slot);
-  const FixedPair p = at_stage(slot, s);
-  s.read[static_cast<int>(stage_)] |= bits(lanes);
   used_ = std::max(used_, slot + 1);
-  return p.to_float();
+  if (stage_ != Stage::kFirst) return pair_of_later_stage(slot, s, lanes);
+  uint32_t& read = s.read[static_cast<int>(Stage::kFirst)];
+  if (read == 0) propose(slot, s);
+  read |= bits(lanes);
+  return s.first.to_float();
+}
+
+Pair MutatedSample::pair_of_later_stage(Slot slot, SlotState& s, Mask lanes) {
+  later_stages_ = true;
+  uint32_t& read = s.read[static_cast<int>(stage_)];
+  const bool asked = read != 0;
+  read |= bits(lanes);
+  if (stage_ == Stage::kReverse) return reverse(slot, s).to_float();
+  if (!asked) s.second = second(slot, s);
+  return s.second.to_float();
 }
 
 Float MutatedSample::log_ratio() const {
@@ -111,22 +103,35 @@ Float MutatedSample::log_ratio() const {
 }
 
 void MutatedSample::finish(Mask first, Mask second) {
-  const uint32_t to_first = bits(first), to_second = bits(second);
-  const uint32_t moved = to_first | to_second;
+  if (later_stages_) finish_later_stages(bits(second));
+  const uint32_t taken = bits(first);
   int last_known = 0;
   for (int i = 0; i < used_; ++i) {
     SlotState& s = slots_[i];
-    const uint32_t by_first = to_first & s.read[0], by_second = to_second & s.read[1];
-    if (by_first != 0) s.current = select(mask_from_bits(by_first), s.first, s.current);
-    if (by_second != 0) s.current = select(mask_from_bits(by_second), s.second, s.current);
-    s.known = (s.known & ~moved) | by_first | by_second;
-    for (uint32_t& read : s.read) {
-      pairs_read_ += __builtin_popcount(read);
-      read = 0;
-    }
+    uint32_t& read = s.read[static_cast<int>(Stage::kFirst)];
+    const uint32_t replaced = taken & read;
+    if (replaced != 0) s.current = select(mask_from_bits(replaced), s.first, s.current);
+    s.known = (s.known & ~taken) | replaced;
+    pairs_read_ += __builtin_popcount(read);
+    read = 0;
     if (s.known != 0) last_known = i + 1;
   }
   used_ = last_known;
+}
+
+void MutatedSample::finish_later_stages(uint32_t taken) {
+  for (int i = 0; i < used_; ++i) {
+    SlotState& s = slots_[i];
+    const uint32_t replaced = taken & s.read[static_cast<int>(Stage::kSecond)];
+    if (replaced != 0) s.current = select(mask_from_bits(replaced), s.second, s.current);
+    s.known = (s.known & ~taken) | replaced;
+    for (Stage stage : {Stage::kSecond, Stage::kReverse}) {
+      uint32_t& read = s.read[static_cast<int>(stage)];
+      pairs_read_ += __builtin_popcount(read);
+      read = 0;
+    }
+  }
+  later_stages_ = false;
 }
 
 std::vector<StoredPair> MutatedSample::read_pairs(int lane) const {

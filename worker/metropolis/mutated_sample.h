@@ -72,10 +72,11 @@ class MutatedSample final : public primary_space::SampleSource {
   SlotState& slot_state(primary_space::Slot slot);
   RngWords words(uint32_t slot) const;
   primary_space::FixedPair start(const SlotState& state, const RngWords& words) const;
-  primary_space::FixedPair first(primary_space::Slot slot, const SlotState& state) const;
+  void propose(primary_space::Slot slot, SlotState& state) const;
   primary_space::FixedPair second(primary_space::Slot slot, const SlotState& state) const;
   primary_space::FixedPair reverse(primary_space::Slot slot, const SlotState& state) const;
-  primary_space::FixedPair at_stage(primary_space::Slot slot, SlotState& state);
+  primary_space::Pair pair_of_later_stage(primary_space::Slot slot, SlotState& state, Mask lanes);
+  void finish_later_stages(uint32_t taken);
 
   RngKey key_;
   UInt chains_;
@@ -84,6 +85,7 @@ class MutatedSample final : public primary_space::SampleSource {
   UInt iteration_high_ = UInt(0U);
   Mask large_ = no_lanes();
   Stage stage_ = Stage::kFirst;
+  bool later_stages_ = false;     // have read something in this iteration
   std::vector<SlotState> slots_;  // grows with the longest path met
   int used_ = 0;                  // slots below this may be known or read
   uint64_t pairs_read_ = 0;

@@ -62,6 +62,19 @@ double second_branch(double c0, double c1, double d0, double d1, bool core) {
          (0.1 * area(c0, c1) + 2 * ridge_integral(c0, c1, d0, d1, core) + 4 * third_pair * deep);
 }
 
+std::vector<double> integrate_bins() {
+  std::vector<double> out;
+  for (int i = 0; i < 5; ++i)
+    for (int j = 0; j < 10; ++j)
+      out.push_back(first_branch(0.1 * i, 0.1 * (i + 1), 0.1 * j, 0.1 * (j + 1), false));
+  for (int i = 0; i < 10; ++i)
+    for (int j = 0; j < 10; ++j)
+      out.push_back(second_branch(0.1 * i, 0.1 * (i + 1), 0.1 * j, 0.1 * (j + 1), false));
+  out.push_back(first_branch(0, 0.5, 0, 1, true));
+  out.push_back(second_branch(0, 1, 0, 1, true));
+  return out;
+}
+
 int cell(double v, int count) {
   return std::min(static_cast<int>(v * count), count - 1);
 }
@@ -128,20 +141,13 @@ void BranchingTarget::set_current(int lane, const Payload& p) {
 }
 
 double BranchingTarget::integral() {
-  return first_branch(0, 0.5, 0, 1, false) + second_branch(0, 1, 0, 1, false);
+  static const double sum = first_branch(0, 0.5, 0, 1, false) + second_branch(0, 1, 0, 1, false);
+  return sum;
 }
 
-std::vector<double> BranchingTarget::bin_integrals() {
-  std::vector<double> out;
-  for (int i = 0; i < 5; ++i)
-    for (int j = 0; j < 10; ++j)
-      out.push_back(first_branch(0.1 * i, 0.1 * (i + 1), 0.1 * j, 0.1 * (j + 1), false));
-  for (int i = 0; i < 10; ++i)
-    for (int j = 0; j < 10; ++j)
-      out.push_back(second_branch(0.1 * i, 0.1 * (i + 1), 0.1 * j, 0.1 * (j + 1), false));
-  out.push_back(first_branch(0, 0.5, 0, 1, true));
-  out.push_back(second_branch(0, 1, 0, 1, true));
-  return out;
+const std::vector<double>& BranchingTarget::bin_integrals() {
+  static const std::vector<double> bins = integrate_bins();
+  return bins;
 }
 
 std::vector<ExactStart> exact_starts(bool eager, size_t count, uint64_t seed) {

@@ -58,7 +58,7 @@ class BranchingTarget final : public Target {
 
   // Integral of f over the unit cube, and over the part of each bin.
   static double integral();
-  static std::vector<double> bin_integrals();
+  static const std::vector<double>& bin_integrals();
 
  private:
   struct Found {

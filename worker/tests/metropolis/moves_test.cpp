@@ -52,8 +52,9 @@ TEST_P(OrbitTest, TurnsAroundTheProposal) {
   for (int i = 0; i < 2000; ++i) {
     const FixedPair words{random.word(), random.word()};
     const RngWords own = random_words(random);
-    const FixedPair to_y = moves.first(4, words.first, words.second);
-    const FixedPair to_z = moves.second(4, words, own, no_lanes());
+    const FixedPair origin{UInt(0U), UInt(0U)};
+    const FixedPair to_y = moves.first(4, origin, words.first, words.second);
+    const FixedPair to_z = moves.second(4, origin, words, own, no_lanes());
     const FixedPair z_to_y{to_y.first - to_z.first, to_y.second - to_z.second};
     const FixedPair back =
         to_torus(stepper.displacement(words.first, words.second + angles.angle(own[2])));
@@ -86,11 +87,12 @@ TEST(Moves, FrozenCoordinatesStay) {
       const FixedPair words{random.word(), random.word()};
       const RngWords own = random_words(random);
       for (int slot : {3, 5, 6}) {
-        const FixedPair y = moves.first(slot, words.first, words.second);
-        const FixedPair z = moves.second(slot, words, own, large);
-        for (const FixedPair& step : {y, z}) {
-          EXPECT_EQ(lane_word(step.first, 0) == 0, slot != 6);
-          EXPECT_EQ(lane_word(step.second, 0) == 0, slot == 5);
+        const FixedPair x{UInt(123U), UInt(456U)};
+        const FixedPair y = moves.first(slot, x, words.first, words.second);
+        const FixedPair z = moves.second(slot, x, words, own, large);
+        for (const FixedPair& to : {y, z}) {
+          EXPECT_EQ(lane_word(to.first, 0) == 123, slot != 6);
+          EXPECT_EQ(lane_word(to.second, 0) == 456, slot == 5);
         }
       }
     }

@@ -200,7 +200,7 @@ class StationarityTest : public testing::TestWithParam<Case> {};
 TEST_P(StationarityTest, EveryBinMatchesTheExactAnswer) {
   ASSERT_FALSE(problem_with(GetParam().proposals));
   const Outcome out = run(GetParam(), 7);
-  const std::vector<double> exact = BranchingTarget::bin_integrals();
+  const std::vector<double>& exact = BranchingTarget::bin_integrals();
   const double b = BranchingTarget::integral();
   const double rate = metrofarm::test::sidak(kFalseAlarm, BranchingTarget::kBins + 1);
   const double chains = double{kLanes} * GetParam().packs;
@@ -265,7 +265,7 @@ TEST(BranchingTarget, IntegralsAgreeWithMonteCarlo) {
     target.record(Which::kProposal, Layer::kLargeStep, Float(1.F), all_lanes(), 0);
     for (int k = 0; k < BranchingTarget::kBins; ++k) bins[k].add(now[k]);
   }
-  const std::vector<double> exact = BranchingTarget::bin_integrals();
+  const std::vector<double>& exact = BranchingTarget::bin_integrals();
   double sum = 0;
   for (int k = 0; k < BranchingTarget::kBins; ++k) {
     EXPECT_TRUE(metrofarm::test::has_mean(
