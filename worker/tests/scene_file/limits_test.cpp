@@ -199,15 +199,15 @@ std::string limit_error(scene::SceneDescription scene) {
 
 TEST(Limits, LightsAreNumberedBySteps) {
   scene::SceneDescription scene;
-  scene.shapes.push_back(mesh_shape((size_t{1} << 23) - 1, 1));
+  scene.shapes.push_back(mesh_shape((size_t{1} << 22) - 1, 1));
   EXPECT_EQ(limit_error(scene), "");
   scene.shapes[0].area_emitter = 0;
   scene.emitters.push_back({scene::AreaEmitter{}, {}});
   EXPECT_EQ(limit_error(scene), "");
   scene.emitters.push_back({scene::PointEmitter{}, {"scene.xml", 9}});
   EXPECT_EQ(limit_error(scene),
-            "scene.xml:9: with this the scene has 8388608 lights (a mesh counts by its triangles); "
-            "at most 8388607 can be rendered");
+            "scene.xml:9: with this the scene has 4194304 lights (a mesh counts by its triangles); "
+            "at most 4194303 can be rendered");
 }
 
 TEST(Limits, NothingReachesFurtherThanEmbreeSees) {

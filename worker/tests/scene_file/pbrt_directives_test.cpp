@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pbrt_support.h"
+#include "scene_file/affine.h"
 
 namespace metrofarm::scene_file::test {
 namespace {
