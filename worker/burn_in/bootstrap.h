@@ -21,7 +21,7 @@ class Bootstrap {
     // A sequence for each half: the halves stay independent, as the error estimate takes them to
     // be.
     source_.begin_points(first, first / half_, static_cast<uint32_t>(first % half_));
-    return target_.evaluate(source_);
+    return target_.evaluate(source_, metropolis::Which::kProposal, all_lanes());
   }
 
   // Pairs that one of the last eight samples has read: the state of a chain that starts there.

@@ -19,17 +19,37 @@ struct LargeStepSums {
   double sum_squares = 0;
 };
 
+// Proposals of one kind.
+struct Tries {
+  uint64_t tried = 0, accepted = 0;
+
+  // tried_lanes: bits of lanes, and which of all lanes accepted.
+  void add(uint32_t tried_lanes, uint32_t accepted_lanes) {
+    tried += __builtin_popcount(tried_lanes);
+    accepted += __builtin_popcount(tried_lanes & accepted_lanes);
+  }
+  Tries& operator+=(const Tries& o) {
+    tried += o.tried;
+    accepted += o.accepted;
+    return *this;
+  }
+};
+
 struct ChainCounts {
   uint64_t mutations = 0;
-  uint64_t large_steps = 0, large_accepted = 0;
-  uint64_t small_steps = 0, small_accepted = 0;
+  uint64_t evaluations = 0;  // of the target, one for each lane
+  uint64_t pairs_read = 0;   // by all evaluations
+  Tries large, small;
+  Tries second_after_large, second_after_small;
 
   ChainCounts& operator+=(const ChainCounts& o) {
     mutations += o.mutations;
-    large_steps += o.large_steps;
-    large_accepted += o.large_accepted;
-    small_steps += o.small_steps;
-    small_accepted += o.small_accepted;
+    evaluations += o.evaluations;
+    pairs_read += o.pairs_read;
+    large += o.large;
+    small += o.small;
+    second_after_large += o.second_after_large;
+    second_after_small += o.second_after_small;
     return *this;
   }
 };
@@ -37,8 +57,9 @@ struct ChainCounts {
 struct ChainPackConfig {
   RngKey key;            // of the job's chains
   uint32_t first_chain;  // lane i runs chain first_chain + i
-  Kernel kernel;
-  double unit = 1;  // c
+  const Moves& moves;    // outlives the pack
+  double unit = 1;       // c
+  LayerWeights weights = LayerWeights::kTwoLayer;
 };
 
 class ChainPack {
@@ -51,7 +72,7 @@ class ChainPack {
   // Records what the current states have gathered, so that the layers are complete.
   void flush();
 
-  const ChainCounts& counts() const { return counts_; }
+  ChainCounts counts() const;
   const std::array<LargeStepSums, kLanes>& large_step_sums() const { return sums_; }
 
   // Serializable state, beside the target's payload.
@@ -68,10 +89,29 @@ class ChainPack {
   const MutatedSample& sample() const { return sample_; }
 
  private:
-  void iterate();
-  void record_large_steps(Float f_y, Mask large);
-  void observe(Mask large, Mask accepted, Float f_y);
+  // What became of one iteration's proposals.
+  struct Outcome {
+    Mask large = no_lanes();
+    Mask first = no_lanes();         // first proposal accepted
+    Mask second_tried = no_lanes();  // never where first is set
+    Mask second = no_lanes();        // second proposal accepted
+    Float f_y = Float(0.F);
+    Float f_z = Float(0.F);
+    Float first_acceptance = Float(0.F);
+    Float second_acceptance = Float(0.F);  // 0 where not tried
+  };
 
+  void iterate();
+  Float evaluate(Stage stage, Mask lanes);
+  Mask wants_second(const Outcome& outcome) const;
+  void try_second(Outcome& outcome, Float coin);
+  Float judge_second(const Outcome& outcome);
+  void record_proposal(const Outcome& outcome);
+  void move(const Outcome& outcome);
+  void observe(const Outcome& outcome);
+  void add_large_steps(Float f_y, uint32_t lanes);
+
+  const DelayedRejection& delayed_;
   LayerScales scales_;
   float large_step_probability_;
   float inverse_unit_;

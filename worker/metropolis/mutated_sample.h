@@ -2,14 +2,15 @@
 //
 // Under the target, coordinates that the current path does not read are independent uniforms;
 // redrawing them is a Gibbs move that is valid at any time. So only the pairs that the current
-// state has read are kept, and all others are fresh whenever a proposal asks for them. Every draw
-// is a pure function of (chain, iteration, slot).
+// state has read are kept, and all others are fresh whenever a proposal asks for them. The current
+// state x and the proposals y and z of both stages exist side by side, whichever of them reads a
+// pair. Every draw is a pure function of (chain, iteration, stage, slot).
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "metropolis/kernel.h"
+#include "metropolis/moves.h"
 #include "primary_space/sample_source.h"
 
 namespace metrofarm::metropolis {
@@ -18,23 +19,41 @@ namespace metrofarm::metropolis {
 struct Coins {
   Float large;       // below the large-step probability: a large step
   Float acceptance;  // below the acceptance probability: accept
+  Float second;      // the same of the second stage
+};
+
+// Which point pair() tells the coordinates of.
+enum class Stage {
+  kFirst,   // y
+  kSecond,  // z
+  kReverse  // z - (y - x), from which Green and Mira's rule judges z
 };
 
 class MutatedSample final : public primary_space::SampleSource {
  public:
-  // chain_ids: the chain of each lane; the key is that of the job's chains.
-  MutatedSample(RngKey key, UInt chain_ids, const Kernel& kernel);
+  // chain_ids: the chain of each lane; the key is that of the job's chains. `moves` outlives this.
+  MutatedSample(RngKey key, UInt chain_ids, const Moves& moves);
 
-  // Begins iteration number `iteration` (from 0) and returns its coins.
+  // Begins iteration number `iteration` (from 0), in its first stage, and returns its coins.
   Coins begin(uint64_t iteration);
   // Says which lanes take a large step; before any pair is asked for.
   void set_large(Mask large) { large_ = large; }
+  void enter(Stage stage) { stage_ = stage; }
 
   primary_space::Pair pair(primary_space::Slot slot, Mask lanes) override;
   std::vector<primary_space::StoredPair> read_pairs(int lane) const override;
 
-  // In the accepted lanes the proposal's pairs become the state; others keep theirs.
-  void finish(Mask accepted);
+  // ln of the ratio of the first stage's densities, from z to y over from x to y, over the pairs
+  // that y has read. A pair that y has not read has no share in the ratio: integrated over y, its
+  // move from x to z is symmetric. One that y alone has read has: x and z both have it, unread.
+  Float log_ratio() const;
+
+  // In these lanes the proposal of the first or the second stage becomes the state; others keep
+  // theirs.
+  void finish(Mask first, Mask second);
+
+  // Pairs asked for since the start, one for each lane, stage and slot.
+  uint64_t pairs_read() const { return pairs_read_; }
 
   // State of one lane: exactly the pairs that its current path reads.
   std::vector<primary_space::StoredPair> stored(int lane) const;
@@ -44,23 +63,30 @@ class MutatedSample final : public primary_space::SampleSource {
  private:
   struct SlotState {
     primary_space::FixedPair current;
-    primary_space::FixedPair proposal;
-    uint32_t known = 0;  // lanes whose current state has read the slot
-    uint32_t read = 0;   // lanes whose proposal has read it
+    primary_space::FixedPair first;
+    uint32_t known = 0;     // lanes whose current state has read the slot
+    uint32_t read[3] = {};  // lanes that have read it in each stage
+    primary_space::FixedPair second;
   };
 
   SlotState& slot_state(primary_space::Slot slot);
   RngWords words(uint32_t slot) const;
-  void propose(primary_space::Slot slot, SlotState& state) const;
+  primary_space::FixedPair start(const SlotState& state, const RngWords& words) const;
+  primary_space::FixedPair first(primary_space::Slot slot, const SlotState& state) const;
+  primary_space::FixedPair second(primary_space::Slot slot, const SlotState& state) const;
+  primary_space::FixedPair reverse(primary_space::Slot slot, const SlotState& state) const;
+  primary_space::FixedPair at_stage(primary_space::Slot slot, SlotState& state);
 
   RngKey key_;
   UInt chains_;
-  Stepper stepper_;
+  const Moves& moves_;
   UInt iteration_low_ = UInt(0U);
   UInt iteration_high_ = UInt(0U);
   Mask large_ = no_lanes();
+  Stage stage_ = Stage::kFirst;
   std::vector<SlotState> slots_;  // grows with the longest path met
   int used_ = 0;                  // slots below this may be known or read
+  uint64_t pairs_read_ = 0;
 };
 
 }  // namespace metrofarm::metropolis

@@ -11,17 +11,19 @@ namespace metrofarm::metropolis {
 // The two film layers: samples weighted by the chains, and independent samples (large steps).
 enum class Layer { kChain = 0, kLargeStep = 1 };
 
-enum class Which { kCurrent, kProposal };
+// The states that exist side by side in an iteration, each with a payload.
+enum class Which { kCurrent, kProposal, kSecond };
+inline constexpr int kStates = 3;
 
 class Target {
  public:
   virtual ~Target() = default;
 
-  // f at the points that `source` describes: finite and not negative. What was found there becomes
-  // the proposal's payload.
-  virtual Float evaluate(primary_space::SampleSource& source) = 0;
-  // In these lanes the proposal's payload becomes the current state's.
-  virtual void accept(Mask lanes) = 0;
+  // f at the points that `source` describes, in these lanes: finite and not negative. What was
+  // found there becomes the payload of `into`; other lanes keep theirs, and their f is arbitrary.
+  virtual Float evaluate(primary_space::SampleSource& source, Which into, Mask lanes) = 0;
+  // In these lanes the payload of `from` becomes the current state's.
+  virtual void accept(Which from, Mask lanes) = 0;
   // Adds scale times the payload to a layer. serial: unique per call and lane within a chain.
   virtual void record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) = 0;
 };

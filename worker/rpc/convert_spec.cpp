@@ -41,18 +41,71 @@ Result<transport::LightSampling> to_light_sampling(job::v1::LightSampling sampli
   }
 }
 
-Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
-  metropolis::Kernel kernel;
-  if (k.kind() == job::v1::KERNEL_KIND_GAUSSIAN) {
-    kernel.kind = metropolis::KernelKind::kGaussian;
-  } else if (k.kind() != job::v1::KERNEL_KIND_KELEMEN_PAIR) {
-    return unknown("kernel.kind");
+Result<metropolis::KernelKind> to_kernel_kind(job::v1::KernelKind kind) {
+  switch (kind) {
+    case job::v1::KERNEL_KIND_KELEMEN_PAIR:
+      return metropolis::KernelKind::kKelemenPair;
+    case job::v1::KERNEL_KIND_GAUSSIAN:
+      return metropolis::KernelKind::kGaussian;
+    case job::v1::KERNEL_KIND_KELEMEN_COORDINATE:
+      return metropolis::KernelKind::kKelemenCoordinate;
+    case job::v1::KERNEL_KIND_WRAPPED_CAUCHY:
+      return metropolis::KernelKind::kWrappedCauchy;
+    case job::v1::KERNEL_KIND_UNIFORM:
+      return metropolis::KernelKind::kUniform;
+    default:
+      return unknown("kernel.kind");
   }
+}
+
+Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
+  const auto kind = to_kernel_kind(k.kind());
+  if (!kind) return kind.error();
+  metropolis::Kernel kernel;
+  kernel.kind = kind.value();
   kernel.s1 = k.s1();
   kernel.s2 = k.s2();
   kernel.sigma = k.sigma();
+  kernel.scale = k.scale();
+  kernel.half_width = k.half_width();
   kernel.large_step_probability = k.large_step_probability();
   return kernel;
+}
+
+Result<metropolis::AcceptanceRule> to_acceptance_rule(job::v1::AcceptanceRule rule) {
+  switch (rule) {
+    case job::v1::ACCEPTANCE_RULE_ORBITAL:
+      return metropolis::AcceptanceRule::kOrbital;
+    case job::v1::ACCEPTANCE_RULE_TIERNEY_MIRA:
+      return metropolis::AcceptanceRule::kTierneyMira;
+    case job::v1::ACCEPTANCE_RULE_GREEN_MIRA:
+      return metropolis::AcceptanceRule::kGreenMira;
+    default:
+      return unknown("delayed_rejection.acceptance_rule");
+  }
+}
+
+Result<metropolis::DelayedRejection> to_delayed_rejection(const job::v1::DelayedRejection& d) {
+  metropolis::DelayedRejection out;
+  if (!d.enabled()) return out;
+  const auto rule = to_acceptance_rule(d.acceptance_rule());
+  if (!rule) return rule.error();
+  out.rule = rule.value();
+  out.after_large_steps = d.after_large_steps();
+  out.local_scale = d.local_scale();
+  if (d.move() == job::v1::SECOND_MOVE_LOCAL) {
+    out.move = metropolis::SecondMove::kLocal;
+    return out;
+  }
+  if (d.move() != job::v1::SECOND_MOVE_ORBITAL) return unknown("delayed_rejection.move");
+  out.move = metropolis::SecondMove::kOrbital;
+  if (d.angle_law() == job::v1::ANGLE_LAW_VON_MISES) {
+    out.angle_law = metropolis::AngleLaw::kVonMises;
+  } else if (d.angle_law() != job::v1::ANGLE_LAW_WRAPPED_CAUCHY) {
+    return unknown("delayed_rejection.angle_law");
+  }
+  out.concentration = d.concentration();
+  return out;
 }
 
 // What only chains have; fails with the field at fault.
@@ -60,9 +113,11 @@ Result<Spec> with_chains(const ResolvedSpec& s, Spec spec) {
   const auto kernel = to_kernel(s.kernel());
   if (!kernel) return kernel.error();
   spec.kernel = kernel.value();
-  if (s.delayed_rejection().enabled()) return unknown("delayed_rejection");
+  const auto delayed_rejection = to_delayed_rejection(s.delayed_rejection());
+  if (!delayed_rejection) return delayed_rejection.error();
+  spec.delayed_rejection = delayed_rejection.value();
   if (s.layer_weights() == job::v1::LAYER_WEIGHTS_KELEMEN) {
-    spec.layer_weights = work_unit::LayerWeights::kKelemen;
+    spec.layer_weights = metropolis::LayerWeights::kKelemen;
   } else if (s.layer_weights() != job::v1::LAYER_WEIGHTS_TWO_LAYER) {
     return unknown("layer_weights");
   }

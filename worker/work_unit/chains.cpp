@@ -67,6 +67,23 @@ void save(const ChainPack& chains, const RenderTarget& target, PackState& state)
   }
 }
 
+Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCosts& costs) {
+  Counts counts;
+  counts.mutations = chains.mutations;
+  counts.path_evaluations = costs.paths;
+  counts.rays = costs.rays;
+  counts.large_steps = chains.large.tried;
+  counts.large_accepted = chains.large.accepted;
+  counts.small_steps = chains.small.tried;
+  counts.small_accepted = chains.small.accepted;
+  counts.second_stages = chains.second_after_small.tried;
+  counts.second_accepted = chains.second_after_small.accepted;
+  counts.second_after_large = chains.second_after_large.tried;
+  counts.second_after_large_accepted = chains.second_after_large.accepted;
+  counts.coordinates = 2 * chains.pairs_read;
+  return counts;
+}
+
 }  // namespace
 
 SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint64_t mutations,
@@ -75,11 +92,13 @@ SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint6
   RenderTarget target(context);
   film::Splatter splatter(film, context.filter());
   metropolis::ChainCounts counts;
+  const metropolis::Moves moves(spec.proposals());
   for (int p = 0; p < kPacksPerGroup; ++p) {
     const uint32_t first_chain = group.group * kGroupSize + p * kLanes;
     target.begin_pack(&splatter, group.group, first_chain);
-    ChainPack chains({rng_key(spec.seed, RngDomain::kChain), first_chain, spec.kernel, spec.unit},
-                     target);
+    ChainPack chains(
+        {rng_key(spec.seed, RngDomain::kChain), first_chain, moves, spec.unit, spec.layer_weights},
+        target);
     load(chains, target, group.state[p]);
     chains.advance(mutations);
     chains.flush();
@@ -89,9 +108,7 @@ SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint6
   SegmentOutput out;
   out.digest = splatter.digest();
   out.anomalies = target.anomalies();
-  out.counts = {counts.mutations,     target.costs().paths,  target.costs().rays,
-                counts.large_steps,   counts.large_accepted, counts.small_steps,
-                counts.small_accepted};
+  out.counts = to_counts(counts, target.costs());
   return out;
 }
 

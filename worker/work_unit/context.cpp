@@ -8,15 +8,9 @@ namespace {
 
 constexpr int kLargestFilm = 32768;
 
-std::string problem_with_kernel(const metropolis::Kernel& k) {
-  if (!(k.large_step_probability > 0 && k.large_step_probability <= 1))
-    return "kernel.large_step_probability must lie in (0, 1]";
-  if (k.kind == metropolis::KernelKind::kGaussian) {
-    if (!(k.sigma > 0 && k.sigma < 0.25)) return "kernel.sigma must lie in (0, 0.25)";
-  } else if (!(k.s1 > 0 && k.s1 < k.s2 && k.s2 < 0.5)) {
-    return "kernel radii must satisfy 0 < s1 < s2 < 0.5";
-  }
-  return "";
+std::string problem_with_proposals(const Spec& spec) {
+  const std::optional<Error> problem = metropolis::problem_with(spec.proposals());
+  return problem ? problem->message : "";
 }
 
 constexpr double kSumTolerance = 1e-9;
@@ -58,8 +52,6 @@ std::string not_built(const Spec& spec) {
   if (spec.integrator == Integrator::kBdpt) return "integrator bdpt is not in this build";
   if (spec.integrator == Integrator::kMmlt) return "integrator mmlt is not in this build";
   if (bidirectional(spec)) return "chains under bdpt are not in this build";
-  if (spec.layer_weights != LayerWeights::kTwoLayer)
-    return "layer_weights kelemen are not in this build";
   return "";
 }
 
@@ -71,7 +63,7 @@ std::string first_of(std::initializer_list<std::string> problems) {
 }
 
 std::string problem_with_chains(const Spec& spec) {
-  return first_of({problem_with_kernel(spec.kernel),
+  return first_of({problem_with_proposals(spec),
                    spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
 }
 

@@ -8,7 +8,8 @@
 
 #include "base/result.h"
 #include "film/film.h"
-#include "metropolis/kernel.h"
+#include "metropolis/acceptance.h"
+#include "metropolis/delayed_rejection.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
 
@@ -17,7 +18,6 @@ namespace metrofarm::work_unit {
 enum class Integrator { kPath, kPssmlt, kBdpt, kMmlt };
 // What the chains of kPssmlt run over.
 enum class Under { kPath, kBdpt };
-enum class LayerWeights { kTwoLayer, kKelemen };
 // What small steps of kMmlt do to the coordinate that chooses a technique.
 enum class TechniqueCoordinate { kFrozen, kMutated };
 
@@ -31,13 +31,16 @@ struct Spec {
   uint64_t seed = 0;
   uint64_t bootstrap_samples = 65536;  // both halves together
   metropolis::Kernel kernel;
-  LayerWeights layer_weights = LayerWeights::kTwoLayer;
+  metropolis::DelayedRejection delayed_rejection;
+  metropolis::LayerWeights layer_weights = metropolis::LayerWeights::kTwoLayer;
   TechniqueCoordinate technique_coordinate = TechniqueCoordinate::kFrozen;
   // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps; empty while the bootstrap
   // runs.
   std::vector<double> length_probabilities;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
+
+  metropolis::Proposals proposals() const { return {kernel, delayed_rejection, {}}; }
 };
 
 // Chains, or path samples, that are run side by side and handed out together.
@@ -90,6 +93,10 @@ struct Counts {
   uint64_t rays = 0;
   uint64_t large_steps = 0, large_accepted = 0;
   uint64_t small_steps = 0, small_accepted = 0;
+  // Second stages after rejected small steps, and after rejected large ones.
+  uint64_t second_stages = 0, second_accepted = 0;
+  uint64_t second_after_large = 0, second_after_large_accepted = 0;
+  uint64_t coordinates = 0;  // that the proposals of all stages asked for
 };
 
 }  // namespace metrofarm::work_unit

@@ -16,6 +16,13 @@ RenderTarget::Payload payload_of(const transport::Contribution& c, int lane) {
            lane_value(c.radiance.z, lane)}};
 }
 
+// In these lanes `to` becomes `from`.
+void take(transport::Contribution& to, const transport::Contribution& from, Mask lanes) {
+  to.raster_x = select(lanes, from.raster_x, to.raster_x);
+  to.raster_y = select(lanes, from.raster_y, to.raster_y);
+  to.radiance = select(lanes, from.radiance, to.radiance);
+}
+
 }  // namespace
 
 std::vector<uint32_t> replayable(const std::vector<primary_space::StoredPair>& pairs) {
@@ -39,16 +46,17 @@ void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t
     noise_[lane] = mix64(mix64(context_.spec().seed) + first_chain + lane);
 }
 
-Float RenderTarget::evaluate(primary_space::SampleSource& source) {
-  proposal_ = tracer_.trace(source, context_.whole_raster(), all_lanes());
+Float RenderTarget::evaluate(primary_space::SampleSource& source, Which into, Mask lanes) {
+  transport::Contribution c = tracer_.trace(source, context_.whole_raster(), lanes);
   // The sum of sound contributions can still leave the range of floats.
-  const Mask sound = diagnostics::sound(proposal_.radiance);
+  const Mask sound = diagnostics::sound(c.radiance);
   if (!tracer_.incidents().empty()) log_incidents(source);
   if (!all(sound)) {
     anomalies_.count(diagnostics::AnomalyKind::kInfinite);
-    proposal_.radiance = keep(sound, proposal_.radiance);
+    c.radiance = keep(sound, c.radiance);
   }
-  return luminance(proposal_.radiance);
+  take(found(into), c, lanes);
+  return luminance(c.radiance);
 }
 
 void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
@@ -59,15 +67,13 @@ void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
   }
 }
 
-void RenderTarget::accept(Mask lanes) {
-  current_.raster_x = select(lanes, proposal_.raster_x, current_.raster_x);
-  current_.raster_y = select(lanes, proposal_.raster_y, current_.raster_y);
-  current_.radiance = select(lanes, proposal_.radiance, current_.radiance);
+void RenderTarget::accept(Which from, Mask lanes) {
+  take(found(Which::kCurrent), found(from), lanes);
 }
 
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
   if (none(lanes)) return;
-  const transport::Contribution& c = which == Which::kCurrent ? current_ : proposal_;
+  const transport::Contribution& c = found(which);
   const Spectrum value = c.radiance * scale;
   alignas(32) float x[kLanes], y[kLanes], r[kLanes], g[kLanes], b[kLanes];
   c.raster_x.store_aligned(x);
@@ -84,18 +90,19 @@ void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uin
 }
 
 RenderTarget::Payload RenderTarget::proposal(int lane) const {
-  return payload_of(proposal_, lane);
+  return payload_of(found(Which::kProposal), lane);
 }
 RenderTarget::Payload RenderTarget::current(int lane) const {
-  return payload_of(current_, lane);
+  return payload_of(found(Which::kCurrent), lane);
 }
 
 void RenderTarget::set_current(int lane, const Payload& p) {
-  set_lane_value(current_.raster_x, lane, p.x);
-  set_lane_value(current_.raster_y, lane, p.y);
-  set_lane_value(current_.radiance.x, lane, p.rgb[0]);
-  set_lane_value(current_.radiance.y, lane, p.rgb[1]);
-  set_lane_value(current_.radiance.z, lane, p.rgb[2]);
+  transport::Contribution& current = found(Which::kCurrent);
+  set_lane_value(current.raster_x, lane, p.x);
+  set_lane_value(current.raster_y, lane, p.y);
+  set_lane_value(current.radiance.x, lane, p.rgb[0]);
+  set_lane_value(current.radiance.y, lane, p.rgb[1]);
+  set_lane_value(current.radiance.z, lane, p.rgb[2]);
 }
 
 }  // namespace metrofarm::work_unit

@@ -1,6 +1,8 @@
 // The renderer as a chain's target: f is the luminance that a path brings back.
 #pragma once
 
+#include <array>
+
 #include "diagnostics/anomalies.h"
 #include "film/film.h"
 #include "metropolis/target.h"
@@ -16,8 +18,8 @@ class RenderTarget final : public metropolis::Target {
   // Where record() splats: half and statistics group of the chains, and the first chain's number.
   void begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain);
 
-  Float evaluate(primary_space::SampleSource& source) override;
-  void accept(Mask lanes) override;
+  Float evaluate(primary_space::SampleSource& source, metropolis::Which into, Mask lanes) override;
+  void accept(metropolis::Which from, Mask lanes) override;
   void record(metropolis::Which which, metropolis::Layer layer, Float scale, Mask lanes,
               uint64_t serial) override;
 
@@ -34,11 +36,17 @@ class RenderTarget final : public metropolis::Target {
   const diagnostics::AnomalyLog& anomalies() const { return anomalies_; }
 
  private:
+  transport::Contribution& found(metropolis::Which which) {
+    return found_[static_cast<int>(which)];
+  }
+  const transport::Contribution& found(metropolis::Which which) const {
+    return found_[static_cast<int>(which)];
+  }
   void log_incidents(const primary_space::SampleSource& source);
 
   const Context& context_;
   transport::PathTracer tracer_;
-  transport::Contribution current_, proposal_;
+  std::array<transport::Contribution, metropolis::kStates> found_;  // by metropolis::Which
   diagnostics::AnomalyLog anomalies_;
   film::Splatter* splatter_ = nullptr;
   film::Destination destination_;

@@ -37,8 +37,9 @@ TEST(Acceptance, ZeroIsNeverAccepted) {
 TEST(ExpectedWeights, SumToOne) {
   test::UniformLanes random(1);
   for (int i = 0; i < 1000; ++i) {
-    const ExpectedWeights w = expected_weights(random.next());
-    EXPECT_EQ(test::lanes_of(w.current + w.proposal), test::lanes_of(Float(1.F)));
+    const Float first = random.next(), second = random.next();
+    const ExpectedWeights w = expected_weights(first, second);
+    for (float sum : test::lanes_of(w.current + w.first + w.second)) EXPECT_NEAR(sum, 1, 1e-6);
   }
 }
 
@@ -52,6 +53,19 @@ TEST(LayerScales, SharesOfAPointMakeUpTheWhole) {
       const double chain = double(f) * lane_value(scales.chain(Float(1.F), Float(f)), 0);
       const double large = double(c) * lane_value(scales.large_step(Float(f)), 0);
       EXPECT_NEAR(chain + large, 1, 1e-6) << "c = " << c << ", f = " << f;
+    }
+  }
+}
+
+// Kelemen's: both kinds of sample weigh by 1 / (f / c + p), and a state that a chain is in f / c of
+// the time and large steps propose p of the time makes up the whole, if c is b.
+TEST(LayerScales, KelemensSharesMakeUpTheWholeWithOneB) {
+  for (float b : {1e-6F, 1.F, 1e6F}) {
+    for (float f : {1e-3F, 0.3F, 1.F, 1e5F}) {
+      const LayerScales scales{0.3F * b, 0.3F, LayerWeights::kKelemen};
+      const double chain = lane_value(scales.chain(Float(1.F), Float(f)), 0) * double(f);
+      const double large = lane_value(scales.large_step(Float(f)), 0) * 0.3 * b;
+      EXPECT_NEAR(chain + large, 1, 1e-6) << "b = " << b << ", f = " << f;
     }
   }
 }

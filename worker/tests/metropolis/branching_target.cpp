@@ -68,59 +68,63 @@ int cell(double v, int count) {
 
 }  // namespace
 
-Float BranchingTarget::evaluate(primary_space::SampleSource& source) {
-  const Pair ab = source.pair(0, all_lanes());
-  const Mask deeper = ab.first >= Float(0.5F);
-  const Mask second_lanes = eager_ ? all_lanes() : deeper;
+Float BranchingTarget::evaluate(primary_space::SampleSource& source, Which into, Mask lanes) {
+  const Pair ab = source.pair(0, lanes);
+  const Mask deeper = lanes & (ab.first >= Float(0.5F));
+  const Mask second_lanes = eager_ ? lanes : deeper;
   Pair cd{Float(0.F), Float(0.F)}, eg = cd;
   if (any(second_lanes)) cd = source.pair(1, second_lanes);
   const Mask deepest = deeper & (cd.first < Float(0.4F));
-  const Mask third_lanes = eager_ ? all_lanes() : deepest;
+  const Mask third_lanes = eager_ ? lanes : deepest;
   if (any(third_lanes)) eg = source.pair(2, third_lanes);
 
   const Float shallow = Float(0.2F) + Float(3.F) * ridge(ab.first - ab.second);
   const Float deep = Float(0.1F) + Float(2.F) * ridge(cd.first - cd.second) +
                      keep(deepest, Float(4.F) * ridge(eg.first - eg.second));
-  proposal_.f = keep(ab.second < Float(0.9F), select(deeper, deep, shallow));
-  proposal_.x = {ab.first, ab.second, cd.first, cd.second};
-  return proposal_.f;
+  const Float f = keep(ab.second < Float(0.9F), select(deeper, deep, shallow));
+  take(into, {f, {ab.first, ab.second, cd.first, cd.second}}, lanes);
+  return f;
 }
 
-void BranchingTarget::accept(Mask lanes) {
-  current_.f = select(lanes, proposal_.f, current_.f);
-  for (int i = 0; i < 4; ++i) current_.x[i] = select(lanes, proposal_.x[i], current_.x[i]);
+void BranchingTarget::take(Which into, const Found& found, Mask lanes) {
+  Found& to = found_[static_cast<int>(into)];
+  to.f = select(lanes, found.f, to.f);
+  for (int i = 0; i < 4; ++i) to.x[i] = select(lanes, found.x[i], to.x[i]);
+}
+
+void BranchingTarget::accept(Which from, Mask lanes) {
+  take(Which::kCurrent, found_[static_cast<int>(from)], lanes);
 }
 
 void BranchingTarget::record(Which which, Layer layer, Float scale, Mask lanes,
                              uint64_t /*serial*/) {
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!metrofarm::test::lane_set(lanes, lane)) continue;
-    ++records_;
-    const Payload p = which == Which::kCurrent ? current(lane) : proposal(lane);
-    Record r{which, layer, lane, lane_value(scale, lane), p.f, 0, -1};
-    const bool shallow = p.x[0] < 0.5F;
-    const double x = p.x[shallow ? 0 : 2], y = p.x[shallow ? 1 : 3];
-    r.bin = shallow ? cell(2 * x, 5) * 10 + cell(y, 10) : 50 + cell(x, 10) * 10 + cell(y, 10);
-    if (in_core(x, y)) r.core_bin = shallow ? kBins - 2 : kBins - 1;
-    sink_(r);
+    const Payload p = payload(which, lane);
+    sink_({which, layer, lane, lane_value(scale, lane), p.f, bins_of(p)});
   }
 }
 
-BranchingTarget::Payload BranchingTarget::proposal(int lane) const {
-  Payload p{lane_value(proposal_.f, lane), {}};
-  for (int i = 0; i < 4; ++i) p.x[i] = lane_value(proposal_.x[i], lane);
-  return p;
+BranchingTarget::Bins BranchingTarget::bins_of(const Payload& p) {
+  const bool shallow = p.x[0] < 0.5F;
+  const double x = p.x[shallow ? 0 : 2], y = p.x[shallow ? 1 : 3];
+  Bins bins{};
+  bins.cell = shallow ? cell(2 * x, 5) * 10 + cell(y, 10) : 50 + cell(x, 10) * 10 + cell(y, 10);
+  bins.core = !in_core(x, y) ? -1 : shallow ? kBins - 2 : kBins - 1;
+  return bins;
 }
 
-BranchingTarget::Payload BranchingTarget::current(int lane) const {
-  Payload p{lane_value(current_.f, lane), {}};
-  for (int i = 0; i < 4; ++i) p.x[i] = lane_value(current_.x[i], lane);
+BranchingTarget::Payload BranchingTarget::payload(Which which, int lane) const {
+  const Found& found = found_[static_cast<int>(which)];
+  Payload p{lane_value(found.f, lane), {}};
+  for (int i = 0; i < 4; ++i) p.x[i] = lane_value(found.x[i], lane);
   return p;
 }
 
 void BranchingTarget::set_current(int lane, const Payload& p) {
-  set_lane_value(current_.f, lane, p.f);
-  for (int i = 0; i < 4; ++i) set_lane_value(current_.x[i], lane, p.x[i]);
+  Found& current = found_[static_cast<int>(Which::kCurrent)];
+  set_lane_value(current.f, lane, p.f);
+  for (int i = 0; i < 4; ++i) set_lane_value(current.x[i], lane, p.x[i]);
 }
 
 double BranchingTarget::integral() {
@@ -147,7 +151,7 @@ std::vector<ExactStart> exact_starts(bool eager, size_t count, uint64_t seed) {
   std::vector<ExactStart> out;
   for (uint64_t first = 0; out.size() < count; first += kLanes) {
     source.begin(first);
-    const Float f = target.evaluate(source);
+    const Float f = target.evaluate(source, Which::kProposal, all_lanes());
     const Float height = coins.next() * Float(static_cast<float>(BranchingTarget::kLargest));
     for (int lane = 0; lane < kLanes && out.size() < count; ++lane) {
       if (lane_value(height, lane) < lane_value(f, lane))

@@ -22,6 +22,16 @@ class BranchingTarget final : public Target {
   // 5 x 10 cells over (a, b), 10 x 10 over (c, d), and the cores of both ridges.
   static constexpr int kBins = 152;
 
+  struct Payload {
+    float f = 0;
+    std::array<float, 4> x{};
+  };
+  // Where a payload counts: its cell, and kBins - 2 or kBins - 1 if it is in a core, or else -1.
+  struct Bins {
+    int cell, core;
+  };
+  static Bins bins_of(const Payload& payload);
+
   // What record() is told of one lane.
   struct Record {
     Which which;
@@ -29,7 +39,7 @@ class BranchingTarget final : public Target {
     int lane;
     double scale;
     double f;
-    int bin, core_bin;  // core_bin: kBins - 2, kBins - 1, or -1
+    Bins bins;
   };
   using Sink = std::function<void(const Record&)>;
 
@@ -37,20 +47,14 @@ class BranchingTarget final : public Target {
   explicit BranchingTarget(bool eager) : eager_(eager) {}
   void set_sink(Sink sink) { sink_ = std::move(sink); }
 
-  Float evaluate(primary_space::SampleSource& source) override;
-  void accept(Mask lanes) override;
+  Float evaluate(primary_space::SampleSource& source, Which into, Mask lanes) override;
+  void accept(Which from, Mask lanes) override;
   void record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) override;
 
-  // The proposal of one lane of another evaluation as the current state of a lane.
-  struct Payload {
-    float f = 0;
-    std::array<float, 4> x{};
-  };
-  Payload proposal(int lane) const;
-  Payload current(int lane) const;
+  Payload payload(Which which, int lane) const;
+  Payload proposal(int lane) const { return payload(Which::kProposal, lane); }
+  Payload current(int lane) const { return payload(Which::kCurrent, lane); }
   void set_current(int lane, const Payload& payload);
-
-  uint64_t records() const { return records_; }
 
   // Integral of f over the unit cube, and over the part of each bin.
   static double integral();
@@ -62,10 +66,11 @@ class BranchingTarget final : public Target {
     std::array<Float, 4> x = {Float(0.F), Float(0.F), Float(0.F), Float(0.F)};
   };
 
+  void take(Which into, const Found& found, Mask lanes);
+
   bool eager_;
   Sink sink_;
-  Found current_, proposal_;
-  uint64_t records_ = 0;
+  std::array<Found, kStates> found_;
 };
 
 // States drawn from the target itself, by rejection from uniform samples.

@@ -17,6 +17,15 @@ namespace {
 using test::BranchingTarget;
 
 const RngKey kKey = rng_key(99, RngDomain::kChain);
+const Moves kPlain{Proposals{}};
+
+Moves with_orbits() {
+  Proposals proposals;
+  proposals.delayed_rejection.move = SecondMove::kOrbital;
+  proposals.delayed_rejection.after_large_steps = true;
+  return Moves(proposals);
+}
+const Moves kOrbits = with_orbits();
 
 void load(ChainPack& chains, BranchingTarget& target, const std::vector<test::ExactStart>& starts) {
   ChainPack::State state;
@@ -43,7 +52,7 @@ struct WeightSums {
   uint64_t large_records = 0;
 };
 
-WeightSums run_and_weigh(uint64_t iterations, double c, bool flush) {
+WeightSums run_and_weigh(uint64_t iterations, double c, const Moves& moves, bool flush) {
   const Kernel kernel;
   BranchingTarget target(false);
   WeightSums sums;
@@ -57,7 +66,7 @@ WeightSums run_and_weigh(uint64_t iterations, double c, bool flush) {
       EXPECT_NEAR(r.scale * denominator, kernel.large_step_probability, 1e-6);
     }
   });
-  ChainPack chains({kKey, 8, kernel, c}, target);
+  ChainPack chains({kKey, 8, moves, c}, target);
   load(chains, target, test::exact_starts(false, kLanes, 1));
   chains.advance(iterations);
   if (flush) chains.flush();
@@ -68,14 +77,16 @@ WeightSums run_and_weigh(uint64_t iterations, double c, bool flush) {
 }
 
 TEST(ChainPack, WeightsOfTheChainLayerSumToTheIterations) {
-  for (double c : {0.1, 0.7, 20.0}) {
-    const WeightSums sums = run_and_weigh(3000, c, true);
-    for (double w : sums.chain) EXPECT_NEAR(w, 3000, 3000 * 2e-6);
+  for (const Moves* moves : {&kPlain, &kOrbits}) {
+    for (double c : {0.1, 0.7, 20.0}) {
+      const WeightSums sums = run_and_weigh(3000, c, *moves, true);
+      for (double w : sums.chain) EXPECT_NEAR(w, 3000, 3000 * 2e-6);
+    }
   }
 }
 
 TEST(ChainPack, OnlyTheFlushCompletesTheLayer) {
-  const WeightSums sums = run_and_weigh(3000, 0.7, false);
+  const WeightSums sums = run_and_weigh(3000, 0.7, kPlain, false);
   double missing = 0;
   for (double w : sums.chain) {
     EXPECT_LT(w, 3000 + 1e-2);
@@ -88,11 +99,11 @@ TEST(ChainPack, OnlyTheFlushCompletesTheLayer) {
 // A peak that no proposal can leave: its weight is recorded in portions, and all of it.
 class PeakTarget final : public Target {
  public:
-  Float evaluate(primary_space::SampleSource& source) override {
-    source.pair(0, all_lanes());
+  Float evaluate(primary_space::SampleSource& source, Which /*into*/, Mask lanes) override {
+    source.pair(0, lanes);
     return Float(1e-7F);
   }
-  void accept(Mask) override {}
+  void accept(Which, Mask) override {}
   void record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) override {
     if (layer != Layer::kChain || which != Which::kCurrent) return;
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -108,7 +119,7 @@ class PeakTarget final : public Target {
 
 TEST(ChainPack, AStuckChainRecordsItsWeightInPortions) {
   PeakTarget target;
-  ChainPack chains({kKey, 0, Kernel{}, 1.0}, target);
+  ChainPack chains({kKey, 0, kPlain, 1.0}, target);
   ChainPack::State state;
   std::fill(std::begin(state.f), std::end(state.f), 1.F);
   for (int lane = 0; lane < kLanes; ++lane) chains.sample().restore(lane, {{0, 1, 2}});
@@ -121,9 +132,11 @@ TEST(ChainPack, AStuckChainRecordsItsWeightInPortions) {
     for (const auto& [serial, count] : lane) EXPECT_EQ(count, 1) << serial;
 }
 
-TEST(ChainPack, CuttingARunChangesNoState) {
+class CutTest : public testing::TestWithParam<const Moves*> {};
+
+TEST_P(CutTest, ChangesNoState) {
   const auto starts = test::exact_starts(false, kLanes, 2);
-  const ChainPackConfig config{kKey, 16, Kernel{}, 0.7};
+  const ChainPackConfig config{kKey, 16, *GetParam(), 0.7};
   BranchingTarget whole_target(false), part_target(false), rest_target(false);
   for (BranchingTarget* t : {&whole_target, &part_target, &rest_target})
     t->set_sink([](const BranchingTarget::Record&) {});
@@ -152,32 +165,43 @@ TEST(ChainPack, CuttingARunChangesNoState) {
   }
 }
 
+INSTANTIATE_TEST_SUITE_P(PlainAndDelayed, CutTest, testing::Values(&kPlain, &kOrbits));
+
 TEST(ChainPack, CountsAddUp) {
   BranchingTarget target(false);
   target.set_sink([](const BranchingTarget::Record&) {});
-  ChainPack chains({kKey, 0, Kernel{}, 0.7}, target);
+  ChainPack chains({kKey, 0, kOrbits, 0.7}, target);
   load(chains, target, test::exact_starts(false, kLanes, 3));
   chains.advance(5000);
-  const ChainCounts& c = chains.counts();
+  const ChainCounts c = chains.counts();
   EXPECT_EQ(c.mutations, 40000U);
-  EXPECT_EQ(c.large_steps + c.small_steps, c.mutations);
-  EXPECT_LE(c.small_accepted, c.small_steps);
-  EXPECT_LE(c.large_accepted, c.large_steps);
+  EXPECT_EQ(c.large.tried + c.small.tried, c.mutations);
+  // What was rejected has a second stage, and each stage is one evaluation.
+  EXPECT_EQ(c.second_after_small.tried, c.small.tried - c.small.accepted);
+  EXPECT_EQ(c.second_after_large.tried, c.large.tried - c.large.accepted);
+  EXPECT_EQ(c.evaluations, c.mutations + c.second_after_small.tried + c.second_after_large.tried);
+  for (const Tries& t : {c.small, c.large, c.second_after_small, c.second_after_large}) {
+    EXPECT_GT(t.accepted, 0U);
+    EXPECT_LT(t.accepted, t.tried);
+  }
+  // Every evaluation reads the first pair, and none more than three.
+  EXPECT_GT(c.pairs_read, c.evaluations);
+  EXPECT_LT(c.pairs_read, 3 * c.evaluations);
   uint64_t larges = 0;
   for (const LargeStepSums& s : chains.large_step_sums()) larges += s.count;
-  EXPECT_EQ(larges, c.large_steps);
+  EXPECT_EQ(larges, c.large.tried);
   // H0: a step is large with probability 0.3; 40,000 independent coins, rate 1e-6.
-  const double z = (double(c.large_steps) - 12000) / std::sqrt(40000 * 0.3 * 0.7);
+  const double z = (double(c.large.tried) - 12000) / std::sqrt(40000 * 0.3 * 0.7);
   EXPECT_GT(metrofarm::test::normal_p(z), 1e-6);
 }
 
 class FlatTarget final : public Target {
  public:
-  Float evaluate(primary_space::SampleSource& source) override {
-    source.pair(0, all_lanes());
+  Float evaluate(primary_space::SampleSource& source, Which /*into*/, Mask lanes) override {
+    source.pair(0, lanes);
     return Float(1.F);
   }
-  void accept(Mask) override {}
+  void accept(Which, Mask) override {}
   void record(Which, Layer, Float, Mask, uint64_t) override {}
 };
 
@@ -185,13 +209,14 @@ class FlatTarget final : public Target {
 // steps. 20,000 packs after 30 steps, 16 x 16 cells, rate 1e-5.
 TEST(ChainPack, AFlatTargetStaysUniform) {
   FlatTarget target;
-  Kernel kernel;
-  kernel.large_step_probability = 1e-6;
+  Proposals proposals;
+  proposals.kernel.large_step_probability = 1e-6;
+  const Moves moves(proposals);
   metrofarm::test::UniformLanes random(17);
   metrofarm::test::Histogram observed(16, 16), expected(16, 16);
   constexpr int kPacks = 20000;
   for (uint32_t pack = 0; pack < kPacks; ++pack) {
-    ChainPack chains({kKey, pack * kLanes, kernel, 1.0}, target);
+    ChainPack chains({kKey, pack * kLanes, moves, 1.0}, target);
     const UInt first = random.word(), second = random.word();
     ChainPack::State state;
     for (int lane = 0; lane < kLanes; ++lane) {

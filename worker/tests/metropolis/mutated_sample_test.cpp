@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "tests/support/histogram.h"
 #include "tests/support/lane_tools.h"
 #include "tests/support/statistics.h"
@@ -19,8 +22,17 @@ UInt chains_from(uint32_t first) {
   return UInt(first) + as_uint(Int(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)));
 }
 
-MutatedSample make(uint32_t first_chain = 0) {
-  return {kKey, chains_from(first_chain), Kernel{}};
+Moves moves_of(SecondMove move) {
+  Proposals p;
+  p.delayed_rejection.move = move;
+  p.delayed_rejection.rule = AcceptanceRule::kTierneyMira;
+  return Moves(p);
+}
+const Moves kOrbital = moves_of(SecondMove::kOrbital);
+const Moves kLocal = moves_of(SecondMove::kLocal);
+
+MutatedSample make(uint32_t first_chain = 0, const Moves& moves = kOrbital) {
+  return {kKey, chains_from(first_chain), moves};
 }
 
 void run_iteration(MutatedSample& sample, uint64_t iteration, Mask large, Mask accepted) {
@@ -28,7 +40,7 @@ void run_iteration(MutatedSample& sample, uint64_t iteration, Mask large, Mask a
   sample.set_large(large);
   sample.pair(0, all_lanes());
   sample.pair(5, mask_from_bits(0x0f));
-  sample.finish(accepted);
+  sample.finish(accepted, no_lanes());
 }
 
 TEST(MutatedSample, KeepsExactlyThePairsThatTheAcceptedStateRead) {
@@ -42,7 +54,7 @@ TEST(MutatedSample, KeepsExactlyThePairsThatTheAcceptedStateRead) {
   sample.begin(1);
   sample.set_large(no_lanes());
   sample.pair(0, all_lanes());
-  sample.finish(all_lanes());
+  sample.finish(all_lanes(), no_lanes());
   EXPECT_EQ(sample.stored(0).size(), 1U);
 }
 
@@ -84,6 +96,95 @@ TEST(MutatedSample, SmallStepsStayNearAndLargeStepsDoNot) {
   EXPECT_NE(moved, 0);
 }
 
+// Whether two lists are the same slots and words.
+bool alike(const std::vector<StoredPair>& a, const std::vector<StoredPair>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& p, const auto& q) {
+    return p.slot == q.slot && p.first == q.first && p.second == q.second;
+  });
+}
+
+// Slots 0 and 5 are known; y reads 0, 5 and 7, z reads 0 and 9.
+MutatedSample in_second_stage(const Moves& moves) {
+  MutatedSample sample = make(0, moves);
+  run_iteration(sample, 0, all_lanes(), all_lanes());
+  sample.begin(1);
+  sample.set_large(mask_from_bits(0xf0));
+  for (int slot : {0, 5, 7}) sample.pair(slot, all_lanes());
+  sample.enter(Stage::kSecond);
+  for (int slot : {0, 9}) sample.pair(slot, mask_from_bits(0x3c));
+  return sample;
+}
+
+TEST(MutatedSample, KeepsExactlyThePairsThatTheAcceptedStageRead) {
+  MutatedSample sample = in_second_stage(kOrbital);
+  std::vector<StoredPair> z[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) z[lane] = sample.read_pairs(lane);
+  EXPECT_TRUE(z[0].empty());
+  ASSERT_EQ(z[3].size(), 2U);
+  EXPECT_EQ(z[3][1].slot, 9);
+  const std::vector<StoredPair> x = sample.stored(1);
+  sample.finish(mask_from_bits(0x41), mask_from_bits(0x28));
+  for (int lane : {3, 5}) EXPECT_TRUE(alike(sample.stored(lane), z[lane])) << lane;
+  for (int lane : {0, 6}) EXPECT_EQ(sample.stored(lane).size(), 3U) << lane;
+  EXPECT_TRUE(alike(sample.stored(1), x));
+}
+
+TEST(MutatedSample, AllStatesOfAPairExistAtOnce) {
+  MutatedSample sample = in_second_stage(kLocal);
+  const std::vector<StoredPair> x = sample.stored(2), z = sample.read_pairs(2);
+  sample.enter(Stage::kFirst);
+  const std::vector<StoredPair> y = sample.read_pairs(2);
+  sample.enter(Stage::kReverse);
+  sample.pair(0, all_lanes());
+  const std::vector<StoredPair> reverse = sample.read_pairs(2);
+  EXPECT_NE(y[0].first, z[0].first);
+  EXPECT_NE(x[0].first, z[0].first);
+  // z - (y - x), exactly.
+  EXPECT_EQ(reverse[0].first, z[0].first - (y[0].first - x[0].first));
+  EXPECT_EQ(reverse[0].second, z[0].second - (y[0].second - x[0].second));
+}
+
+// A pair is the same whichever stage asks for it first, and whoever has asked before.
+TEST(MutatedSample, StagesDoNotDependOnTheOrderOfReads) {
+  for (const Moves* moves : {&kOrbital, &kLocal}) {
+    MutatedSample a = in_second_stage(*moves), b = make(0, *moves);
+    run_iteration(b, 0, all_lanes(), all_lanes());
+    b.begin(1);
+    b.set_large(mask_from_bits(0xf0));
+    for (Stage stage : {Stage::kReverse, Stage::kSecond, Stage::kFirst}) {
+      for (int slot : {9, 7, 5, 0}) {
+        a.enter(stage);
+        b.enter(stage);
+        const Pair p = a.pair(slot, all_lanes()), q = b.pair(slot, all_lanes());
+        EXPECT_EQ(lanes_of(p.first), lanes_of(q.first)) << slot;
+        EXPECT_EQ(lanes_of(p.second), lanes_of(q.second)) << slot;
+      }
+    }
+  }
+}
+
+TEST(MutatedSample, SecondStagesAreTimid) {
+  MutatedSample sample = in_second_stage(kOrbital);
+  const auto distance = [](uint32_t a, uint32_t b) {
+    return std::fabs(static_cast<int32_t>(a - b) * 0x1p-32);
+  };
+  // After large steps within the local kernel's reach, after small ones on the orbit.
+  const double local = Kernel{}.s2 * kOrbital.delayed_rejection().local_scale;
+  for (int lane : {2, 3, 4, 5}) {
+    const auto x = sample.stored(lane)[0], z = sample.read_pairs(lane)[0];
+    EXPECT_NE(x.first, z.first);
+    EXPECT_LE(distance(x.first, z.first), lane < 4 ? 2 * Kernel{}.s2 : local);
+    EXPECT_LE(distance(x.second, z.second), lane < 4 ? 2 * Kernel{}.s2 : local);
+  }
+}
+
+TEST(MutatedSample, CountsThePairsAskedFor) {
+  MutatedSample sample = in_second_stage(kOrbital);
+  EXPECT_EQ(sample.pairs_read(), 12U);
+  sample.finish(no_lanes(), no_lanes());
+  EXPECT_EQ(sample.pairs_read(), 12U + 24 + 8);
+}
+
 TEST(MutatedSample, AStateRestoredGoesOnAlike) {
   MutatedSample one = make(40);
   for (uint64_t i = 0; i < 20; ++i)
@@ -123,7 +224,7 @@ TEST(MutatedSample, CoinsAreUniformAndIndependent) {
     const Coins c = sample.begin(i);
     sample.set_large(all_lanes());
     const Pair p = sample.pair(0, all_lanes());
-    sample.finish(no_lanes());
+    sample.finish(no_lanes(), no_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
       coins.add(lane_value(c.large, lane), lane_value(c.acceptance, lane));
       against_pair.add(lane_value(c.acceptance, lane), lane_value(p.first, lane));

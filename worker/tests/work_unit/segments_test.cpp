@@ -212,7 +212,7 @@ TEST(Quarantine, AnomaliesCanBeReplayed) {
       std::vector<primary_space::StoredPair> read_pairs(int) const override { return {}; }
       const std::vector<uint32_t>& words;
     } replay(anomaly.primary_sample);
-    target.evaluate(replay);
+    target.evaluate(replay, metropolis::Which::kProposal, all_lanes());
     EXPECT_GT(target.anomalies().counts()[static_cast<size_t>(anomaly.incident.kind)], 0U);
   }
 }
