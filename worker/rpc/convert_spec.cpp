@@ -72,7 +72,7 @@ Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
   return kernel;
 }
 
-Result<metropolis::AcceptanceRule> to_rule(job::v1::AcceptanceRule rule) {
+Result<metropolis::AcceptanceRule> to_acceptance_rule(job::v1::AcceptanceRule rule) {
   switch (rule) {
     case job::v1::ACCEPTANCE_RULE_ORBITAL:
       return metropolis::AcceptanceRule::kOrbital;
@@ -86,27 +86,26 @@ Result<metropolis::AcceptanceRule> to_rule(job::v1::AcceptanceRule rule) {
 }
 
 Result<metropolis::DelayedRejection> to_delayed_rejection(const job::v1::DelayedRejection& d) {
-  metropolis::DelayedRejection second;
-  if (!d.enabled()) return second;
-  if (d.move() == job::v1::SECOND_MOVE_ORBITAL) {
-    second.move = metropolis::SecondMove::kOrbital;
-    if (d.angle_law() == job::v1::ANGLE_LAW_VON_MISES) {
-      second.angle_law = metropolis::AngleLaw::kVonMises;
-    } else if (d.angle_law() != job::v1::ANGLE_LAW_WRAPPED_CAUCHY) {
-      return unknown("delayed_rejection.angle_law");
-    }
-    second.concentration = d.concentration();
-  } else if (d.move() == job::v1::SECOND_MOVE_LOCAL) {
-    second.move = metropolis::SecondMove::kLocal;
-  } else {
-    return unknown("delayed_rejection.move");
-  }
-  const auto rule = to_rule(d.acceptance_rule());
+  metropolis::DelayedRejection out;
+  if (!d.enabled()) return out;
+  const auto rule = to_acceptance_rule(d.acceptance_rule());
   if (!rule) return rule.error();
-  second.rule = rule.value();
-  second.local_scale = d.local_scale();
-  second.after_large_steps = d.after_large_steps();
-  return second;
+  out.rule = rule.value();
+  out.after_large_steps = d.after_large_steps();
+  out.local_scale = d.local_scale();
+  if (d.move() == job::v1::SECOND_MOVE_LOCAL) {
+    out.move = metropolis::SecondMove::kLocal;
+    return out;
+  }
+  if (d.move() != job::v1::SECOND_MOVE_ORBITAL) return unknown("delayed_rejection.move");
+  out.move = metropolis::SecondMove::kOrbital;
+  if (d.angle_law() == job::v1::ANGLE_LAW_VON_MISES) {
+    out.angle_law = metropolis::AngleLaw::kVonMises;
+  } else if (d.angle_law() != job::v1::ANGLE_LAW_WRAPPED_CAUCHY) {
+    return unknown("delayed_rejection.angle_law");
+  }
+  out.concentration = d.concentration();
+  return out;
 }
 
 // What only chains have; fails with the field at fault.
@@ -114,9 +113,9 @@ Result<Spec> with_chains(const ResolvedSpec& s, Spec spec) {
   const auto kernel = to_kernel(s.kernel());
   if (!kernel) return kernel.error();
   spec.kernel = kernel.value();
-  const auto second = to_delayed_rejection(s.delayed_rejection());
-  if (!second) return second.error();
-  spec.delayed_rejection = second.value();
+  const auto delayed_rejection = to_delayed_rejection(s.delayed_rejection());
+  if (!delayed_rejection) return delayed_rejection.error();
+  spec.delayed_rejection = delayed_rejection.value();
   if (s.layer_weights() == job::v1::LAYER_WEIGHTS_KELEMEN) {
     spec.layer_weights = metropolis::LayerWeights::kKelemen;
   } else if (s.layer_weights() != job::v1::LAYER_WEIGHTS_TWO_LAYER) {

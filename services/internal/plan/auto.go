@@ -38,8 +38,6 @@ const (
 	topPart      = 1000 // the brightest one in so many
 	hardTopShare = 0.1
 	darkShare    = 0.95
-	// mmltBuilt tells whether workers have it; until then pssmlt stands in.
-	mmltBuilt = false
 )
 
 // NeedsPilot tells whether the integrator has to be chosen by measuring: the request leaves it open
@@ -106,7 +104,7 @@ func unseen(values, seen []float32) []float32 {
 func chainsFor(d *jobv1.AutoDecision, report *scenev1.SceneReport) string {
 	structure := report.GetStructure()
 	reachable := structure.GetDeltaShapes() < structure.GetShapes() // light subpaths can connect somewhere
-	if mmltBuilt && d.GetZeroShare() > darkShare && reachable {
+	if d.GetZeroShare() > darkShare && reachable {
 		return job.IntegratorMMLT
 	}
 	return job.IntegratorPSSMLT

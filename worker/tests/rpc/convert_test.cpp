@@ -94,6 +94,62 @@ TEST(ToSpec, ChainsNeedTheirChoices) {
             "technique_coordinate"));
 }
 
+void delay(ResolvedSpec& s) {
+  auto& d = *s.mutable_delayed_rejection();
+  d.set_enabled(true);
+  d.set_move(job::v1::SECOND_MOVE_ORBITAL);
+  d.set_angle_law(job::v1::ANGLE_LAW_VON_MISES);
+  d.set_concentration(3);
+  d.set_acceptance_rule(job::v1::ACCEPTANCE_RULE_TIERNEY_MIRA);
+  d.set_after_large_steps(true);
+  d.set_local_scale(0.5);
+}
+
+TEST(ToSpec, TakesSecondStagesAndKernels) {
+  ResolvedSpec s = good_spec();
+  delay(s);
+  s.mutable_kernel()->set_kind(job::v1::KERNEL_KIND_UNIFORM);
+  s.mutable_kernel()->set_half_width(0.1);
+  s.set_layer_weights(job::v1::LAYER_WEIGHTS_KELEMEN);
+  const auto spec = to_spec(s, test::room());
+  ASSERT_TRUE(spec.ok()) << spec.error().to_string();
+  const metropolis::DelayedRejection& d = spec.value().delayed_rejection;
+  EXPECT_EQ(d.move, metropolis::SecondMove::kOrbital);
+  EXPECT_EQ(d.angle_law, metropolis::AngleLaw::kVonMises);
+  EXPECT_EQ(d.concentration, 3);
+  EXPECT_EQ(d.rule, metropolis::AcceptanceRule::kTierneyMira);
+  EXPECT_TRUE(d.after_large_steps);
+  EXPECT_EQ(d.local_scale, 0.5);
+  EXPECT_EQ(spec.value().kernel.kind, metropolis::KernelKind::kUniform);
+  EXPECT_EQ(spec.value().kernel.half_width, 0.1);
+  EXPECT_EQ(spec.value().layer_weights, metropolis::LayerWeights::kKelemen);
+}
+
+TEST(ToSpec, SecondStagesThatWouldBiasAreRefused) {
+  const auto error = [](auto&& change) {
+    return error_after([&](ResolvedSpec& s) {
+      delay(s);
+      change(s, *s.mutable_delayed_rejection());
+    });
+  };
+  EXPECT_NE(error([](auto&, auto& d) { d.clear_move(); }).find("delayed_rejection.move"),
+            std::string::npos);
+  EXPECT_NE(error([](auto&, auto& d) { d.clear_angle_law(); }).find("angle_law"),
+            std::string::npos);
+  EXPECT_NE(error([](auto&, auto& d) { d.clear_acceptance_rule(); }).find("acceptance_rule"),
+            std::string::npos);
+  EXPECT_NE(error([](auto&, auto& d) {
+              d.set_acceptance_rule(job::v1::ACCEPTANCE_RULE_GREEN_MIRA);
+            }).find("green_mira"),
+            std::string::npos);
+  EXPECT_NE(error([](auto& s, auto& d) {
+              d.set_acceptance_rule(job::v1::ACCEPTANCE_RULE_ORBITAL);
+              s.mutable_kernel()->set_kind(job::v1::KERNEL_KIND_WRAPPED_CAUCHY);
+              s.mutable_kernel()->set_scale(0.01);
+            }).find("isotropic"),
+            std::string::npos);
+}
+
 TEST(ToSpec, BidirectionalTracingIsTaken) {
   const auto bidirectional = [](ResolvedSpec& s) {
     s.set_max_depth(8);
@@ -117,31 +173,6 @@ TEST(ToSpec, BidirectionalTracingIsTaken) {
                 s.add_length_probabilities(p);
             }),
             "");
-}
-
-TEST(ToSpec, SecondStagesAreTakenOrNamed) {
-  const auto second = [](job::v1::KernelKind kernel, job::v1::AcceptanceRule rule) {
-    return error_after([&](ResolvedSpec& s) {
-      s.mutable_kernel()->set_kind(kernel);
-      s.mutable_kernel()->set_s1(0.001);
-      s.mutable_kernel()->set_s2(0.02);
-      s.mutable_kernel()->set_scale(0.01);
-      s.mutable_kernel()->set_half_width(0.01);
-      auto& d = *s.mutable_delayed_rejection();
-      d.set_enabled(true);
-      d.set_move(job::v1::SECOND_MOVE_ORBITAL);
-      d.set_angle_law(job::v1::ANGLE_LAW_WRAPPED_CAUCHY);
-      d.set_concentration(0.7);
-      d.set_local_scale(0.25);
-      d.set_acceptance_rule(rule);
-    });
-  };
-  EXPECT_EQ(second(job::v1::KERNEL_KIND_KELEMEN_PAIR, job::v1::ACCEPTANCE_RULE_ORBITAL), "");
-  EXPECT_EQ(second(job::v1::KERNEL_KIND_WRAPPED_CAUCHY, job::v1::ACCEPTANCE_RULE_TIERNEY_MIRA), "");
-  EXPECT_NE(second(job::v1::KERNEL_KIND_WRAPPED_CAUCHY, job::v1::ACCEPTANCE_RULE_ORBITAL), "");
-  EXPECT_NE(second(job::v1::KERNEL_KIND_KELEMEN_PAIR, job::v1::ACCEPTANCE_RULE_UNSPECIFIED)
-                .find("spec.delayed_rejection.acceptance_rule"),
-            std::string::npos);
 }
 
 TEST(ToSpec, PathTracingNeedsNoKernel) {
@@ -198,7 +229,7 @@ TEST(ToReport, SurvivesAFilterThatIsTooWide) {
 
 TEST(FillCounts, TakesEveryCount) {
   work_unit::SegmentOutput output;
-  output.counts = {1, 2, 3, 4, 5, 6, 7};
+  output.counts = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
   output.anomalies.count(diagnostics::AnomalyKind::kNegative);
   farm::v1::SegmentCounts counts;
   fill_counts(output, counts);
@@ -209,6 +240,11 @@ TEST(FillCounts, TakesEveryCount) {
   EXPECT_EQ(counts.large_accepted(), 5U);
   EXPECT_EQ(counts.small_steps(), 6U);
   EXPECT_EQ(counts.small_accepted(), 7U);
+  EXPECT_EQ(counts.second_stages(), 8U);
+  EXPECT_EQ(counts.second_accepted(), 9U);
+  EXPECT_EQ(counts.second_after_large(), 10U);
+  EXPECT_EQ(counts.second_after_large_accepted(), 11U);
+  EXPECT_EQ(counts.coordinates(), 12U);
   ASSERT_EQ(counts.anomalies_size(), 5);
   EXPECT_EQ(counts.anomalies(farm::v1::ANOMALY_KIND_NEGATIVE), 1U);
 }
