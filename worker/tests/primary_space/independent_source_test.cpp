@@ -93,8 +93,10 @@ TEST(Slots, EverySlotHasOneMeaning) {
   std::set<Slot> slots = {kFilmSlot, kLensSlot, kTimeSlot};
   for (int vertex = 0; vertex < kLongestPath; ++vertex) {
     for (Decision d :
-         {Decision::kLobe, Decision::kDirection, Decision::kLight, Decision::kLightPoint})
+         {Decision::kLobe, Decision::kDirection, Decision::kLight, Decision::kLightPoint}) {
       slots.insert(eye_slot(vertex, d));
+      slots.insert(light_slot(vertex, d));
+    }
   }
   EXPECT_EQ(slots.size(), static_cast<size_t>(kSlotCount));
   EXPECT_EQ(*slots.rbegin(), kSlotCount - 1);

@@ -64,6 +64,7 @@ TEST(PbrtDirectives, NamedCoordinateSystemsComeBack) {
 
 TEST(PbrtDirectives, MotionStandsAtTheShuttersStart) {
   const auto scene = valid_pbrt(
+      "LightSource \"infinite\" "
       "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 9 0 0 "
       "ActiveTransform All Translate 0 1 0 Shape \"sphere\"");
   expect_near(center_of(scene), {1, 1, 0});
@@ -73,6 +74,7 @@ TEST(PbrtDirectives, MotionStandsAtTheShuttersStart) {
 
 TEST(PbrtDirectives, MotionStandsWhereTheShutterOpens) {
   const auto scene = valid_pbrt(
+      "LightSource \"infinite\" "
       "Shape \"sphere\" ActiveTransform EndTime Translate 10 0 0 ActiveTransform All "
       "Translate 0 1 0 Shape \"sphere\" ObjectBegin \"o\" Shape \"disk\" ObjectEnd "
       "ObjectInstance \"o\"",
