@@ -82,9 +82,6 @@ void ChainPack::try_second(Outcome& o, Float coin) {
   o.f_z = evaluate(Stage::kSecond, o.second_tried);
   o.second_acceptance = keep(o.second_tried, judge_second(o));
   o.second = coin < o.second_acceptance;
-  const Mask passed_by = ~o.second & (o.second_acceptance > Float(0.F));
-  target_.record(Which::kSecond, Layer::kChain, scales_.chain(o.second_acceptance, o.f_z),
-                 passed_by, serial_ + kSecondPassedBy);
 }
 
 // Acceptance of z in the lanes that have one. After a large step its density cancels: y does not
@@ -94,7 +91,7 @@ Float ChainPack::judge_second(const Outcome& o) {
   const Mask small = o.second_tried & ~o.large;
   if (delayed_.rule == AcceptanceRule::kTierneyMira && any(small))
     ratio = select(small, xsimd::exp(sample_.log_ratio()), ratio);
-  // Unless z falls behind f_x anyway, f at the reverse proposal decides.
+  // Without light at z there is nothing that f at the reverse proposal could decide.
   const Mask open = small & (o.f_z > Float(0.F));
   if (delayed_.rule == AcceptanceRule::kGreenMira && any(open))
     f_reverse = select(open, evaluate(Stage::kReverse, open), f_reverse);
@@ -111,7 +108,10 @@ void ChainPack::move(const Outcome& o) {
   target_.accept(Which::kProposal, o.first);
   weight_ = select(o.first, w.first, select(leaves, Float(0.F), gathered));
   f_ = select(o.first, o.f_y, f_);
-  if (any(o.second)) {
+  if (any(o.second_tried)) {
+    const Mask passed_by = ~o.second & (w.second > Float(0.F));
+    target_.record(Which::kSecond, Layer::kChain, scales_.chain(w.second, o.f_z), passed_by,
+                   serial_ + kSecondPassedBy);
     target_.accept(Which::kSecond, o.second);
     weight_ = select(o.second, w.second, weight_);
     f_ = select(o.second, o.f_z, f_);

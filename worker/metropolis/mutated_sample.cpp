@@ -93,7 +93,9 @@ Pair MutatedSample::pair_of_later_stage(Slot slot, SlotState& s, Mask lanes) {
 Float MutatedSample::log_ratio() const {
   Float total(0.F);
   for (int slot = 0; slot < used_; ++slot) {
-    const uint32_t read = slots_[slot].read[static_cast<int>(Stage::kFirst)];
+    const SlotState& s = slots_[slot];
+    const uint32_t read = s.read[static_cast<int>(Stage::kFirst)] &
+                          (s.known | s.read[static_cast<int>(Stage::kSecond)]);
     if (read == 0) continue;
     const RngWords w = words(static_cast<uint32_t>(slot));
     const RngWords own = words(static_cast<uint32_t>(slot) | kSecondStage);

@@ -44,8 +44,9 @@ class MutatedSample final : public primary_space::SampleSource {
   std::vector<primary_space::StoredPair> read_pairs(int lane) const override;
 
   // ln of the ratio of the first stage's densities, from z to y over from x to y, over the pairs
-  // that y has read. A pair that y has not read has no share in the ratio: integrated over y, its
-  // move from x to z is symmetric. One that y alone has read has: x and z both have it, unread.
+  // that y and at least one of x and z have read: the same from x as from z. Other pairs have no
+  // share in it. One that y has not read: integrated over y, its move from x to z is symmetric. One
+  // that neither x nor z has read: integrated over both, y is uniform. Requires: z is evaluated.
   Float log_ratio() const;
 
   // In these lanes the proposal of the first or the second stage becomes the state; others keep
