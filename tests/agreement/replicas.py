@@ -26,14 +26,16 @@ class Settings:
     # Samples per pixel of path tracing, mutations per pixel of chains.
     per_pixel: int
     max_depth: int | None = None
+    # Further options of the command line.
+    options: tuple[str, ...] = ()
 
     def arguments(self) -> list[str]:
-        budget = "--spp" if self.integrator == "path" else "--mutations-per-pixel"
+        budget = "--spp" if self.integrator in ("path", "bdpt") else "--mutations-per-pixel"
         words = [str(self.scene), "--integrator", self.integrator, budget, str(self.per_pixel)]
         words += ["--width", str(self.width), "--height", str(self.height)]
         if self.max_depth is not None:
             words += ["--max-depth", str(self.max_depth)]
-        return words
+        return [*words, *self.options]
 
 
 def read_rgb(path: Path) -> np.ndarray:

@@ -1,0 +1,136 @@
+"""Every estimator, kernel, second stage and weight against path tracing, on scenes of each kind.
+
+H0: both have the same mean in every tile. Statistic, sample size and false-alarm rate as in
+test_agreement.py: 16 replicas each, tile t-tests with Sidak's correction, 1e-3 per test. The power
+is asserted as there. A clean scene reports no anomaly, and b of all chains agrees with that of the
+chains over path tracing within the intervals that both state.
+"""
+
+import json
+import math
+import subprocess
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_agreement import check
+
+from cases import SCENES
+from replicas import PROGRAM, Settings
+from tiles import compare, from_replicas
+
+Replicas = Callable[[Settings], list[np.ndarray]]
+
+OFF, ON = ("--delayed-rejection", "off"), ("--delayed-rejection", "on")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way to render; the short form of the tests takes only some."""
+
+    name: str
+    integrator: str
+    options: tuple[str, ...] = ()
+    short: bool = False
+
+
+VARIANTS = [
+    Variant("bdpt", "bdpt", short=True),
+    Variant("emitter", "pssmlt", ("--light-sampling", "emitter", *OFF)),
+    Variant("bsdf", "pssmlt", ("--light-sampling", "bsdf", *OFF)),
+    Variant("bsdf-delayed", "pssmlt", ("--light-sampling", "bsdf", *ON)),
+    Variant("delayed", "pssmlt", ON, short=True),
+    Variant("delayed-von-mises", "pssmlt", (*ON, "--second-stage", "von-mises")),
+    Variant("delayed-local", "pssmlt", (*ON, "--second-stage", "local", "--after-large-steps")),
+    Variant(
+        "delayed-green-mira",
+        "pssmlt",
+        (*ON, "--second-stage", "local", "--acceptance-rule", "green-mira"),
+    ),
+    Variant("delayed-cauchy-kernel", "pssmlt", (*ON, "--kernel", "wrapped-cauchy")),
+    Variant("gaussian", "pssmlt", (*OFF, "--kernel", "gaussian")),
+    Variant("uniform", "pssmlt", (*OFF, "--kernel", "uniform")),
+    Variant("kelemen-weights", "pssmlt", (*OFF, "--layer-weights", "kelemen")),
+    Variant("over-bdpt", "pssmlt", ("--under", "bdpt", *OFF)),
+    Variant("over-bdpt-delayed", "pssmlt", ("--under", "bdpt", *ON), short=True),
+    Variant("mmlt", "mmlt", OFF),
+    Variant("mmlt-mutated", "mmlt", (*OFF, "--technique-coordinate", "mutated")),
+    Variant("mmlt-delayed", "mmlt", ON, short=True),
+]
+
+
+@dataclass(frozen=True)
+class VariantScene:
+    """A scene, how much work a replica is, and the power wanted of the median tile."""
+
+    name: str
+    file: str
+    spp: int
+    mutations: int
+    power: float
+    short: bool = False
+
+    @property
+    def path(self) -> Path:
+        return SCENES / self.file
+
+
+DEPTH = 8
+SIZE = 32
+
+VARIANT_SCENES = [
+    VariantScene("cornell-box", "cornell-box/scene.xml", 128, 256, 0.20, short=True),
+    VariantScene("plates", "plates/scene.xml", 256, 512, 0.30),
+    VariantScene("smooth-sphere", "plugins/shape-coarse-smooth.xml", 128, 256, 0.20, short=True),
+    VariantScene("environment", "plugins/emitter-envmap.xml", 256, 512, 0.15),
+    VariantScene("furnace-glass", "furnace-sphere/environment-glass.xml", 64, 256, 0.10),
+    VariantScene("furnace-point", "furnace-sphere/point-light.xml", 64, 256, 0.10),
+    VariantScene("ring-caustic", "ring-caustic/scene.xml", 1024, 1024, 0.30),
+    VariantScene("glass-caustic", "glass-caustic/scene.xml", 4096, 1024, 0.40),
+    VariantScene("door-ajar", "door-ajar/scene.xml", 4096, 4096, 0.40),
+    VariantScene("veach-door", "peer-veach-door/scene.xml", 4096, 4096, 0.40),
+]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    long = metafunc.config.getoption("--long")
+    for fixture, items in (("scene", VARIANT_SCENES), ("variant", VARIANTS)):
+        if fixture in metafunc.fixturenames:
+            chosen = [item for item in items if long or item.short]
+            metafunc.parametrize(fixture, chosen, ids=[item.name for item in chosen])
+
+
+def settings(scene: VariantScene, integrator: str, options: tuple[str, ...] = ()) -> Settings:
+    per_pixel = scene.spp if integrator in ("path", "bdpt") else scene.mutations
+    return Settings(scene.path, integrator, SIZE, SIZE, per_pixel, DEPTH, options)
+
+
+def test_agrees_with_path_tracing(
+    scene: VariantScene, variant: Variant, replicas_of: Replicas
+) -> None:
+    ours = from_replicas(replicas_of(settings(scene, variant.integrator, variant.options)))
+    paths = from_replicas(replicas_of(settings(scene, "path")))
+    check(compare(ours, paths), scene.power)
+
+
+def statistics_of(arguments: Settings) -> dict:
+    with tempfile.TemporaryDirectory() as scratch:
+        stats = Path(scratch) / "stats.json"
+        command = [str(PROGRAM), "render", *arguments.arguments(), "--stats", str(stats)]
+        command += ["-o", str(Path(scratch) / "image.exr"), "--seed", "77"]
+        subprocess.run(command, capture_output=True, text=True, check=True)
+        return json.loads(stats.read_text())
+
+
+def test_b_agrees_and_nothing_is_bad(scene: VariantScene, variant: Variant) -> None:
+    """H0: both b have the same mean; z-test with the errors that both state, 1e-4 per test."""
+    ours = statistics_of(settings(scene, variant.integrator, variant.options))
+    assert ours["anomalies"] == {}
+    if variant.integrator in ("path", "bdpt"):
+        return
+    chains = statistics_of(settings(scene, "pssmlt", OFF))
+    error = math.hypot(ours["b_standard_error"], chains["b_standard_error"])
+    assert abs(ours["b"] - chains["b"]) < 3.9 * error, (ours["b"], chains["b"], error)
