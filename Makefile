@@ -29,8 +29,9 @@ test: ## all checks: lint, unit, end-to-end, image agreement, sanitizers
 agreement: build ## image agreement with Mitsuba 3, long form (hours)
 	$(PYTHON) -m pytest -q tests/agreement --long
 
-bench: build setup-bench ## samples per CPU second beside Mitsuba 3; service overhead
-	.tools/bench/bin/python tests/bench/bench.py $(BENCH_ARGS)
+bench: build setup-test setup-bench ## run time against error, and rates, beside Mitsuba 3
+	.tools/bench/bin/python tests/bench/bench.py $(RATE_ARGS)
+	.tools/python/bin/python tests/bench/efficiency.py $(BENCH_ARGS)
 
 sabotage: build setup-test ## plant bugs, one at a time; each must turn a test red
 	$(PYTHON) tests/sabotage/sabotage.py $(SABOTAGE)
