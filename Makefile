@@ -8,6 +8,7 @@ export METROFARM_TOOLS := $(CURDIR)/.tools/go
 PYTHON := $(CURDIR)/.tools/python/bin/python
 SETUP := tests/setup/setup.sh
 BENCH_ARGS ?=
+RATE_ARGS ?=
 # Names of patches in tests/sabotage; empty: all.
 SABOTAGE ?=
 
