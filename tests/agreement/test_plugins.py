@@ -119,7 +119,7 @@ FAULTS = {
     "index of refraction": (
         "bsdf-dielectric-tinted",
         '<float name="int_ior" value="1.5"/>',
-        '<float name="int_ior" value="1.52"/>',
+        '<float name="int_ior" value="1.53"/>',
     ),
     "field of view": (
         "sensor-fov-x",
