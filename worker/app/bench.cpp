@@ -133,7 +133,7 @@ Figures render_paths(const Context& context, const Options& o, film::Film& film)
   const double cpu = cpu_seconds(), wall = wall_seconds();
   parallel_for(segments, static_cast<int>(o.threads), [&](size_t i, int) {
     outputs[i] =
-        work_unit::run_path_segment(context, {static_cast<uint32_t>(i), 0, o.per_pixel}, film);
+        work_unit::run_path_segment(context, static_cast<uint32_t>(i), {0, o.per_pixel}, film);
   });
   f.cpu_seconds = cpu_seconds() - cpu;
   f.wall_seconds = wall_seconds() - wall;

@@ -14,6 +14,8 @@ namespace metrofarm::rpc {
 Result<work_unit::Spec> to_spec(const job::v1::ResolvedSpec& spec,
                                 const scene::SceneDescription& scene);
 
+Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& kernel);
+
 struct LoadTimes {
   double load_seconds = 0;
   double build_seconds = 0;

@@ -58,6 +58,8 @@ Result<metropolis::KernelKind> to_kernel_kind(job::v1::KernelKind kind) {
   }
 }
 
+}  // namespace
+
 Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
   const auto kind = to_kernel_kind(k.kind());
   if (!kind) return kind.error();
@@ -71,6 +73,8 @@ Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
   kernel.large_step_probability = k.large_step_probability();
   return kernel;
 }
+
+namespace {
 
 Result<metropolis::AcceptanceRule> to_acceptance_rule(job::v1::AcceptanceRule rule) {
   switch (rule) {
@@ -116,6 +120,10 @@ Result<Spec> with_chains(const ResolvedSpec& s, Spec spec) {
   const auto delayed_rejection = to_delayed_rejection(s.delayed_rejection());
   if (!delayed_rejection) return delayed_rejection.error();
   spec.delayed_rejection = delayed_rejection.value();
+  spec.direct_apart = s.direct_sizes_size() > 0;
+  spec.chain_groups = s.chain_groups();
+  spec.target_map.side = static_cast<int>(std::min(s.target_map().side(), 1U << 20));
+  spec.target_map.values.assign(s.target_map().values().begin(), s.target_map().values().end());
   if (s.layer_weights() == job::v1::LAYER_WEIGHTS_KELEMEN) {
     spec.layer_weights = metropolis::LayerWeights::kKelemen;
   } else if (s.layer_weights() != job::v1::LAYER_WEIGHTS_TWO_LAYER) {

@@ -1,11 +1,9 @@
 #include "rpc/task_runner.h"
 
-#include <ctime>
-
 #include <algorithm>
-#include <mutex>
 
 #include "base/parallel.h"
+#include "rpc/reports.h"
 
 namespace metrofarm::rpc {
 
@@ -13,26 +11,6 @@ using farm::v1::Task;
 using work_unit::Context;
 
 namespace {
-
-double thread_cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
-void fill_lease(const Task& task, farm::v1::LeaseRef& lease) {
-  lease.set_task_id(task.task_id());
-  lease.set_epoch(task.epoch());
-}
-
-farm::v1::ReportRequest failure_report(const Task& task, farm::v1::FailureReason reason,
-                                       const std::string& message) {
-  farm::v1::ReportRequest report;
-  fill_lease(task, *report.mutable_lease());
-  report.mutable_failure()->set_reason(reason);
-  report.mutable_failure()->set_message(message);
-  return report;
-}
 
 // A film's largest splat is under 2^4 units in 2^32 steps; so many mutations stay below 2^62.
 constexpr uint64_t kMutationsPerFilm = uint64_t{1} << 26;
@@ -45,7 +23,7 @@ struct TaskRunner::Segment {
   uint32_t round = 0;
   const farm::v1::ChainGroupState* chains = nullptr;  // null: independent paths
   uint64_t size = 0;                                  // mutations per chain or samples per pixel
-  uint64_t first_sample = 0;                          // independent paths
+  work_unit::SampleRange samples;                     // independent paths
 
   bool done = false;
   std::string failure;
@@ -88,46 +66,23 @@ TaskResults TaskRunner::run(const std::vector<Task>& tasks) {
   const Context context(*scene.scene, spec.value());
   if (first.has_bootstrap()) {
     for (const Task& task : tasks) run_bootstrap(context, task, results);
+  } else if (first.has_kernel_trials()) {
+    for (const Task& task : tasks) run_kernel_trials(context, task, results);
   } else {
     run_segments(context, segments_of(tasks), results);
   }
   return results;
 }
 
-void TaskRunner::run_bootstrap(const Context& context, const Task& task, TaskResults& results) {
-  const farm::v1::BootstrapTask& range = task.bootstrap();
-  if (range.first_index() % kLanes != 0 || range.count() % kLanes != 0 || range.count() > 65536) {
-    results.reports.push_back(failure_report(task, farm::v1::FAILURE_REASON_WORKER,
-                                             "bootstrap range is not made of whole packs"));
-    return;
-  }
-  constexpr uint32_t kChunk = 512;
-  const size_t chunks = (range.count() + kChunk - 1) / kChunk;
-  std::vector<work_unit::BootstrapOutput> outputs(chunks);
-  std::vector<double> cpu(chunks);
-  parallel_for(chunks, threads_, [&](size_t i, int) {
-    const double start = thread_cpu_seconds();
-    const auto offset = static_cast<uint32_t>(i * kChunk);
-    outputs[i] = work_unit::run_bootstrap(context, range.first_index() + offset,
-                                          std::min(kChunk, range.count() - offset));
-    cpu[i] = thread_cpu_seconds() - start;
-  });
+namespace {
 
-  farm::v1::ReportRequest report;
-  fill_lease(task, *report.mutable_lease());
-  farm::v1::BootstrapResult& result = *report.mutable_bootstrap();
-  result.set_first_index(range.first_index());
-  diagnostics::AnomalyLog anomalies;
-  for (size_t i = 0; i < chunks; ++i) {
-    for (float f : outputs[i].values) result.add_values(f);
-    result.set_rays(result.rays() + outputs[i].rays);
-    result.set_cpu_seconds(result.cpu_seconds() + cpu[i]);
-    anomalies.merge(outputs[i].anomalies);
-  }
-  for (uint64_t n : anomalies.counts()) result.add_anomaly_counts(n);
-  for (const auto& sample : anomalies.samples()) fill_anomaly(sample, *result.add_anomalies());
-  results.reports.push_back(std::move(report));
+work_unit::SampleRange direct_samples(const Task& task) {
+  const auto round = static_cast<int>(task.chains().round());
+  const bool apart = round < task.spec().direct_sizes_size();
+  return {task.chains().direct_first_sample(), apart ? task.spec().direct_sizes(round) : 0};
 }
+
+}  // namespace
 
 std::vector<TaskRunner::Segment> TaskRunner::segments_of(const std::vector<Task>& tasks) const {
   std::vector<Segment> segments;
@@ -141,6 +96,7 @@ std::vector<TaskRunner::Segment> TaskRunner::segments_of(const std::vector<Task>
     if (task.has_chains()) {
       s.round = task.chains().round();
       s.size = size_of(s.round);
+      s.samples = direct_samples(task);
       for (const auto& group : task.chains().groups()) {
         s.number = group.group();
         s.chains = &group;
@@ -149,7 +105,7 @@ std::vector<TaskRunner::Segment> TaskRunner::segments_of(const std::vector<Task>
     } else if (task.has_paths()) {
       s.round = task.paths().round();
       s.size = size_of(s.round);
-      s.first_sample = task.paths().first_sample();
+      s.samples = {task.paths().first_sample(), s.size};
       for (uint32_t i = 0; i < task.paths().segment_count(); ++i) {
         s.number = task.paths().first_segment() + i;
         segments.push_back(s);
@@ -163,20 +119,19 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
   if (leases_.abandoned(s.task->task_id())) return;
   const double start = thread_cpu_seconds();
   if (s.chains == nullptr) {
-    s.output = work_unit::run_path_segment(context, {s.number, s.first_sample, s.size}, film);
+    s.output = work_unit::run_path_segment(context, s.number, s.samples, film);
   } else {
     const bool fresh = s.chains->state().empty();
-    auto state =
-        fresh ? work_unit::start_chains(
-                    context, {{s.chains->seed_indices().begin(), s.chains->seed_indices().end()},
-                              {s.chains->seed_values().begin(), s.chains->seed_values().end()}})
-              : work_unit::parse_group_state(s.chains->state());
+    auto state = fresh ? work_unit::start_chains(context, seeds_of(*s.chains))
+                       : work_unit::parse_group_state(s.chains->state());
     if (!state) {
       s.failure = state.error().message;
       return;
     }
     s.group = {s.number, std::move(state.value())};
     s.output = work_unit::run_chain_segment(context, s.group, s.size, film);
+    if (context.spec().direct_apart)
+      s.output.add(work_unit::run_direct_segment(context, s.number, s.samples, film));
   }
   s.cpu_seconds = thread_cpu_seconds() - start;
   s.done = true;

@@ -32,6 +32,8 @@ class TaskRunner {
                        const std::string& message);
   void run_bootstrap(const work_unit::Context& context, const farm::v1::Task& task,
                      TaskResults& results);
+  void run_kernel_trials(const work_unit::Context& context, const farm::v1::Task& task,
+                         TaskResults& results);
   std::vector<Segment> segments_of(const std::vector<farm::v1::Task>& tasks) const;
   void render(const work_unit::Context& context, film::Film& film, Segment& segment);
   void run_segments(const work_unit::Context& context, std::vector<Segment> segments,

@@ -1,5 +1,7 @@
 #include "transport/bidirectional.h"
 
+#include <algorithm>
+
 #include "transport/adjoint.h"
 
 namespace metrofarm::transport {
@@ -11,10 +13,6 @@ using primary_space::SampleSource;
 using primary_space::vertex_slot;
 
 namespace {
-
-Mask less(Int a, Int b) {
-  return as_mask(_mm256_cmpgt_epi32(b, a));
-}
 
 Float cosine_at(const Interaction& v, const Vec3& direction) {
   return xsimd::abs(dot(v.surface.geometric_normal, direction));
@@ -173,7 +171,8 @@ void BidirectionalTracer::roulette(Subpath& path, Float u, const Spectrum& weigh
 void BidirectionalTracer::add_environment(Sample& sample, const Subpath& eye, Mask missed,
                                           int edges) {
   const emitter::LightTable& lights = scene_.lights();
-  if (!lights.has_environment() || (edges == 1 && settings_.hide_emitters)) return;
+  if (!lights.has_environment() || edges < settings_.min_depth) return;
+  if (edges == 1 && settings_.hide_emitters) return;
   missed = missed & sample.technique.includes(edges, 0);
   if (none(missed)) return;
   Float weight(1.F);
@@ -188,7 +187,7 @@ void BidirectionalTracer::add_environment(Sample& sample, const Subpath& eye, Ma
 
 void BidirectionalTracer::add_emission(Sample& sample, const Subpath& eye, const Interaction& v,
                                        int edges) {
-  if (edges == 1 && settings_.hide_emitters) return;
+  if (edges < settings_.min_depth || (edges == 1 && settings_.hide_emitters)) return;
   const Mask wanted = eye.active & sample.technique.includes(edges, 0);
   if (none(wanted)) return;
   const emitter::LightTable& lights = scene_.lights();
@@ -209,7 +208,7 @@ void BidirectionalTracer::add_emission(Sample& sample, const Subpath& eye, const
 void BidirectionalTracer::add_light_sample(Sample& sample, const Subpath& eye, const Interaction& v,
                                            int edges) {
   const emitter::LightTable& lights = scene_.lights();
-  if (lights.empty()) return;
+  if (lights.empty() || edges + 1 < settings_.min_depth) return;
   const Mask wanted = eye.active & sample.technique.includes(edges + 1, 1);
   const Mask smooth = scene_.materials().smooth(v.lobe, wanted);
   if (none(smooth)) return;
@@ -239,7 +238,8 @@ void BidirectionalTracer::connect(Sample& sample, const Subpath& eye, const Inte
                                   int edges) {
   if (sample.light_edges == 0) return;
   if (none(scene_.materials().smooth(v.lobe, eye.active))) return;
-  for (int j = 1; j <= sample.light_edges && edges + j < depth_limit_; ++j) {
+  const int shortest = std::max(1, settings_.min_depth - edges - 1);
+  for (int j = shortest; j <= sample.light_edges && edges + j < depth_limit_; ++j) {
     const LightVertex& light = light_vertices_[j - 1];
     const int total = edges + j + 1;
     const Mask lanes = eye.active & light.lanes & sample.technique.includes(total, j + 1);

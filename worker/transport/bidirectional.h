@@ -17,6 +17,7 @@ struct BidirectionalSettings {
   int max_depth = -1;  // edges; -1: no limit but kLongestPath
   int rr_depth = 5;    // first length of a subpath, in edges, at which roulette may end it
   bool hide_emitters = false;
+  int min_depth = 1;  // paths of fewer edges are left out
 };
 
 // Which of the techniques that make a path are wanted.
@@ -49,6 +50,7 @@ class BidirectionalTracer : public Estimator {
                        const Technique& technique, Mask lanes, Contribution& out);
 
   int depth_limit() const { return depth_limit_; }
+  int min_depth() const { return settings_.min_depth; }
 
  private:
   enum class End { kEye, kLight };

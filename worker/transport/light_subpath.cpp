@@ -59,6 +59,7 @@ void BidirectionalTracer::add_vertex(Sample& sample, const Subpath& light, const
 }
 
 void BidirectionalTracer::connect_to_camera(Sample& sample, const LightVertex& v, int edges) {
+  if (edges + 1 < settings_.min_depth) return;
   Mask lanes = v.lanes & sample.technique.includes(edges + 1, edges + 1);
   if (none(lanes)) return;
   const Vec3& position = v.at.surface.position;

@@ -32,8 +32,9 @@ void MultiplexedTracer::trace(primary_space::SampleSource& source, const RasterW
   const Int index = emitter::find_in_cdf(cdf_.data(), Int(0), lengths, u.first, lanes).index;
   const Int edges = index + Int(1);
   const Float count = select(equal(edges, Int(1)), Float(1.F), to_float(edges + Int(1)));
+  const Mask wanted = lanes & ~less(edges, Int(min_depth()));
   Technique technique{.all = false, .edges = edges, .light_vertices = truncate(u.second * count)};
-  trace_technique(source, window, technique, lanes, out);
+  trace_technique(source, window, technique, wanted, out);
   out.scale(keep(lanes, count / gather(probability_.data(), index, lanes)));
 }
 

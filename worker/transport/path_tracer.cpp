@@ -78,7 +78,7 @@ Float PathTracer::weight_of_hit(Float pdf_bsdf, Float pdf_light, Mask delta) con
 
 void PathTracer::add_environment(State& path, Mask missed, int depth) {
   if (!scene_.lights().has_environment()) return;
-  if (depth == 1 && settings_.hide_emitters) return;
+  if (depth < settings_.min_depth || (depth == 1 && settings_.hide_emitters)) return;
   const emitter::LightTable& lights = scene_.lights();
   const Mask sampled = missed & ~path.delta;
   const Float pdf_light =
@@ -89,7 +89,8 @@ void PathTracer::add_environment(State& path, Mask missed, int depth) {
 }
 
 void PathTracer::add_emission(State& path, const Interaction& v, int depth) {
-  if (none(path.active) || (depth == 1 && settings_.hide_emitters)) return;
+  if (none(path.active) || depth < settings_.min_depth) return;
+  if (depth == 1 && settings_.hide_emitters) return;
   const Spectrum emitted = scene_.lights().emitted(v.surface, path.direction, path.active);
   const Mask lit = path.active & not_black(emitted);
   if (none(lit)) return;
@@ -107,6 +108,7 @@ void PathTracer::add_emission(State& path, const Interaction& v, int depth) {
 void PathTracer::add_light_sample(State& path, const Interaction& v, SampleSource& source,
                                   int depth) {
   if (settings_.light_sampling == LightSampling::kBsdf || scene_.lights().empty()) return;
+  if (depth + 1 < settings_.min_depth) return;
   const Mask smooth = scene_.materials().smooth(v.lobe, path.active);
   if (none(smooth)) return;
   const Pair choice = source.pair(eye_slot(depth - 1, Decision::kLight), smooth);

@@ -19,6 +19,7 @@ struct PathSettings {
   int max_depth = -1;  // edges; -1: no limit but kLongestPath
   int rr_depth = 5;    // first depth at which roulette may end a path
   bool hide_emitters = false;
+  int min_depth = 1;  // paths of fewer edges bring nothing back and cost no shadow rays
 };
 
 class PathTracer final : public Estimator {

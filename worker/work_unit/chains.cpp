@@ -37,12 +37,17 @@ class BootstrapRun {
 
 }  // namespace
 
-BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count) {
+BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count,
+                              bool wants_map) {
   BootstrapRun run(context);
   BootstrapOutput out;
   out.values.resize(count);
-  for (uint32_t i = 0; i < count; i += kLanes)
+  LightMap map(context.spec().width, context.spec().height);
+  for (uint32_t i = 0; i < count; i += kLanes) {
     run.bootstrap().evaluate(first + i).store_unaligned(&out.values[i]);
+    if (wants_map) run.target().add_proposal_to(map);
+  }
+  if (wants_map) out.map = map.sums();
   out.rays = run.target().costs().rays;
   out.anomalies = run.target().anomalies();
   return out;
@@ -143,16 +148,18 @@ Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCos
 
 }  // namespace
 
-SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint64_t mutations,
-                                film::Film& film) {
+namespace {
+
+// splatter: may be null, then nothing is splatted.
+SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutations,
+                      film::Splatter* splatter) {
   const Spec& spec = context.spec();
   RenderTarget target(context);
-  film::Splatter splatter(film, context.filter());
   metropolis::ChainCounts counts;
   const metropolis::Moves moves(spec.proposals());
   for (int p = 0; p < kPacksPerGroup; ++p) {
     const uint32_t first_chain = group.group * kGroupSize + p * kLanes;
-    target.begin_pack(&splatter, group.group, first_chain);
+    target.begin_pack(splatter, group.group, first_chain);
     ChainPack chains(
         {rng_key(spec.seed, RngDomain::kChain), first_chain, moves, spec.unit, spec.layer_weights},
         target);
@@ -163,10 +170,31 @@ SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint6
     counts += chains.counts();
   }
   SegmentOutput out;
-  out.digest = splatter.digest();
   out.anomalies = target.anomalies();
   out.counts = to_counts(counts, target.costs());
   return out;
+}
+
+}  // namespace
+
+SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint64_t mutations,
+                                film::Film& film) {
+  film::Splatter splatter(film, context.filter());
+  SegmentOutput out = advance(context, group, mutations, &splatter);
+  out.digest = splatter.digest();
+  return out;
+}
+
+Result<SegmentOutput> try_kernel(const Context& context, const metropolis::Kernel& kernel,
+                                 const ChainSeeds& seeds, uint64_t mutations) {
+  Spec spec = context.spec();
+  spec.kernel = kernel;
+  if (const std::string problem = problem_with(spec); !problem.empty()) return Error{problem};
+  const Context trial(context.scene(), spec);
+  auto state = start_chains(trial, seeds);
+  if (!state) return state.error();
+  ChainGroup group{0, std::move(state.value())};
+  return advance(trial, group, mutations, nullptr);
 }
 
 }  // namespace metrofarm::work_unit

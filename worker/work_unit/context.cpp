@@ -54,8 +54,22 @@ std::string first_of(std::initializer_list<std::string> problems) {
   return "";
 }
 
+std::string problem_with_target(const Spec& spec) {
+  const TargetMapValues& map = spec.target_map;
+  if (map.side < 0 || map.side > kLargestMapSide ||
+      map.values.size() != static_cast<size_t>(map.side) * map.side)
+    return "target_map must have side * side values, side at most 64";
+  for (float v : map.values)
+    if (!(v > 0 && v <= 1)) return "target_map must have values in (0, 1]";
+  if (!spec.direct_apart) return "";
+  if (spec.path.max_depth >= 0 && spec.path.max_depth <= kLongestDirectPath)
+    return "direct_sizes must be empty where max_depth leaves the chains nothing";
+  if (spec.chain_groups < 1) return "chain_groups must be at least 1";
+  return "";
+}
+
 std::string problem_with_chains(const Spec& spec) {
-  return first_of({problem_with_proposals(spec),
+  return first_of({problem_with_proposals(spec), problem_with_target(spec),
                    spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
 }
 
@@ -86,11 +100,13 @@ Context::Context(const transport::Scene& scene, const Spec& spec)
       spec_(spec),
       camera_(scene.description().sensor, scene.description().film, spec.width, spec.height),
       filter_(scene.description().film),
+      target_map_(spec.target_map, spec.width, spec.height),
       cells_x_(spec.width + 2 * filter_.border()),
       cells_y_(spec.height + 2 * filter_.border()) {}
 
 film::FilmShape Context::film_shape() const {
-  return {spec_.width, spec_.height, runs_chains(spec_.integrator) ? 2 : 1};
+  if (!runs_chains(spec_.integrator)) return {spec_.width, spec_.height, 1};
+  return {spec_.width, spec_.height, spec_.direct_apart ? 3 : 2};
 }
 
 transport::RasterWindow Context::whole_raster() const {
@@ -109,8 +125,12 @@ transport::RasterWindow Context::cell_windows(uint64_t first) const {
   return {Float::load_aligned(x), Float::load_aligned(y), Float(1.F), Float(1.F)};
 }
 
+int Context::min_depth() const {
+  return spec_.direct_apart ? kLongestDirectPath + 1 : 1;
+}
+
 transport::BidirectionalSettings Context::bidirectional_settings() const {
-  return {spec_.path.max_depth, spec_.path.rr_depth, spec_.path.hide_emitters};
+  return {spec_.path.max_depth, spec_.path.rr_depth, spec_.path.hide_emitters, min_depth()};
 }
 
 std::unique_ptr<transport::MultiplexedTracer> Context::make_multiplexed(Lengths lengths) const {
@@ -128,7 +148,16 @@ std::unique_ptr<transport::Estimator> Context::make_estimator(Lengths lengths) c
     return std::make_unique<transport::BidirectionalTracer>(
         scene_, camera_, bidirectional_settings(), whole_raster());
   }
-  return std::make_unique<transport::PathTracer>(scene_, camera_, spec_.path);
+  transport::PathSettings settings = spec_.path;
+  settings.min_depth = min_depth();
+  return std::make_unique<transport::PathTracer>(scene_, camera_, settings);
+}
+
+std::unique_ptr<transport::Estimator> Context::make_direct_estimator() const {
+  transport::PathSettings settings = spec_.path;
+  settings.light_sampling = transport::LightSampling::kMis;
+  settings.max_depth = kLongestDirectPath;
+  return std::make_unique<transport::PathTracer>(scene_, camera_, settings);
 }
 
 }  // namespace metrofarm::work_unit

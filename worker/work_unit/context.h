@@ -14,6 +14,7 @@
 #include "transport/multiplexed.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
+#include "work_unit/target_map.h"
 
 namespace metrofarm::work_unit {
 
@@ -39,11 +40,21 @@ struct Spec {
   // kMmlt: with which paths of 1, 2, .. edges are drawn by large steps, which alone change the
   // length; empty while the bootstrap runs.
   std::vector<double> length_probabilities;
+  // Of the chains; the rest is left to independent paths in a layer of its own.
+  bool direct_apart = false;
+  uint32_t chain_groups = 0;
+  TargetMapValues target_map;
   double unit = 1;
   uint32_t blocks_per_segment = 1;
 
   metropolis::Proposals proposals() const;
 };
+
+// Paths of so many edges and fewer are direct light.
+inline constexpr int kLongestDirectPath = 2;
+// Its layer, and that layer's unit in units of the film: direct light may be far brighter.
+inline constexpr int kDirectLayer = 2;
+inline constexpr double kDirectUnit = 4096;
 
 // Chains, or path samples, that are run side by side and handed out together.
 inline constexpr int kGroupSize = 64;
@@ -69,6 +80,7 @@ class Context {
   const Spec& spec() const { return spec_; }
   const sensor::Camera& camera() const { return camera_; }
   const film::Filter& filter() const { return filter_; }
+  const TargetMap& target_map() const { return target_map_; }
   film::FilmShape film_shape() const;
 
   // The sampled part of the raster: the image and the filter's border.
@@ -85,16 +97,20 @@ class Context {
   // What the spec asks for, for one thread.
   std::unique_ptr<transport::Estimator> make_estimator(
       Lengths lengths = Lengths::kAsResolved) const;
+  // Light that arrives over at most one bounce, for one thread.
+  std::unique_ptr<transport::Estimator> make_direct_estimator() const;
   // Requires: the integrator is kMmlt.
   std::unique_ptr<transport::MultiplexedTracer> make_multiplexed(Lengths lengths) const;
 
  private:
+  int min_depth() const;  // of the chains' paths
   transport::BidirectionalSettings bidirectional_settings() const;
 
   const transport::Scene& scene_;
   Spec spec_;
   sensor::Camera camera_;
   film::Filter filter_;
+  TargetMap target_map_;
   int cells_x_, cells_y_;
 };
 
@@ -109,6 +125,12 @@ struct Counts {
   uint64_t second_stages = 0, second_accepted = 0;
   uint64_t second_after_large = 0, second_after_large_accepted = 0;
   uint64_t coordinates = 0;  // that the proposals of all stages asked for
+
+  // What independent paths beside the chains cost.
+  void add_costs(const Counts& o) {
+    path_evaluations += o.path_evaluations;
+    rays += o.rays;
+  }
 };
 
 }  // namespace metrofarm::work_unit

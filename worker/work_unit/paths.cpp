@@ -13,19 +13,32 @@ namespace {
 // size still fit a film value.
 constexpr float kLargestSample = 0x1p20F;
 
-// Traces one segment's cells for consecutive sample numbers.
+// What is traced, and where it goes.
+struct Stream {
+  std::unique_ptr<transport::Estimator> estimator;
+  int layer;
+  double unit;  // of the layer
+};
+
+// Traces blocks of cells for consecutive sample numbers.
 class PathRun {
  public:
-  PathRun(const Context& context, film::Film& film)
+  PathRun(const Context& context, Stream stream, film::Film& film)
       : context_(context),
-        estimator_(context.make_estimator()),
+        estimator_(std::move(stream.estimator)),
         source_(rng_key(context.spec().seed, RngDomain::kPath)),
         splatter_(film, context.filter()),
-        scale_(static_cast<float>(1 / context.spec().unit)),
-        noise_(mix64(context.spec().seed)) {}
+        scale_(static_cast<float>(1 / stream.unit)),
+        noise_(mix64(context.spec().seed)) {
+    destination_.layer = stream.layer;
+  }
 
-  void run_block(uint64_t first_cell, const PathRange& range) {
-    for (uint64_t k = range.first_sample; k < range.first_sample + range.samples; ++k) {
+  void run_blocks(uint64_t first, uint64_t last, const SampleRange& samples) {
+    for (uint64_t block = first; block < last; ++block) run_block(block * kGroupSize, samples);
+  }
+
+  void run_block(uint64_t first_cell, const SampleRange& samples) {
+    for (uint64_t k = samples.first; k < samples.first + samples.count; ++k) {
       destination_.half = static_cast<int>(k % film::kHalves);
       destination_.group = static_cast<int>(k % film::kStatisticsGroups);
       for (int i = 0; i < kGroupSize; i += kLanes) run_pack(first_cell + i, k);
@@ -36,7 +49,6 @@ class PathRun {
     SegmentOutput out;
     out.digest = splatter_.digest();
     out.anomalies = anomalies_;
-    out.counts.mutations = estimator_->costs().paths;
     out.counts.path_evaluations = estimator_->costs().paths;
     out.counts.rays = estimator_->costs().rays;
     return out;
@@ -91,11 +103,25 @@ class PathRun {
 
 }  // namespace
 
-SegmentOutput run_path_segment(const Context& context, const PathRange& range, film::Film& film) {
-  PathRun run(context, film);
-  const uint64_t first = uint64_t(range.segment) * context.spec().blocks_per_segment;
-  const uint64_t last = std::min(first + context.spec().blocks_per_segment, context.blocks());
-  for (uint64_t block = first; block < last; ++block) run.run_block(block * kGroupSize, range);
+SegmentOutput run_path_segment(const Context& context, uint32_t segment, const SampleRange& samples,
+                               film::Film& film) {
+  PathRun run(context, {context.make_estimator(), 0, context.spec().unit}, film);
+  const uint64_t first = uint64_t(segment) * context.spec().blocks_per_segment;
+  run.run_blocks(first, std::min(first + context.spec().blocks_per_segment, context.blocks()),
+                 samples);
+  SegmentOutput out = run.finish();
+  out.counts.mutations = out.counts.path_evaluations;
+  return out;
+}
+
+SegmentOutput run_direct_segment(const Context& context, uint32_t group, const SampleRange& samples,
+                                 film::Film& film) {
+  PathRun run(context,
+              {context.make_direct_estimator(), kDirectLayer, kDirectUnit * context.spec().unit},
+              film);
+  const uint64_t groups = context.spec().chain_groups;
+  run.run_blocks(group * context.blocks() / groups,
+                 (group + uint64_t{1}) * context.blocks() / groups, samples);
   return run.finish();
 }
 

@@ -1,5 +1,7 @@
 #include "work_unit/render_target.h"
 
+#include <limits>
+
 #include "math/rng.h"
 #include "work_unit/splat_lanes.h"
 
@@ -56,14 +58,40 @@ Float RenderTarget::evaluate(primary_space::SampleSource& source, Which into, Ma
   estimator_->trace(source, context_.whole_raster(), lanes, c);
   // The sum of sound contributions can still leave the range of floats.
   const Spectrum total = c.total();
-  const Mask sound = diagnostics::sound(total);
+  const Float f = target_of(c, total, lanes);
+  const Mask sound = diagnostics::sound(total) & (f <= Float(std::numeric_limits<float>::max()));
   if (!estimator_->incidents().empty()) log_incidents(source);
   if (any(lanes & ~sound)) {
     anomalies_.count(diagnostics::AnomalyKind::kInfinite);
     for (transport::Splat& s : c.splats) s.radiance = keep(sound, s.radiance);
   }
   if (!all(lanes)) found(into).take(scratch_, lanes);
-  return keep(sound, luminance(total));
+  return keep(sound, f);
+}
+
+Float RenderTarget::target_of(const transport::Contribution& c, const Spectrum& total,
+                              Mask lanes) const {
+  const TargetMap& map = context_.target_map();
+  if (map.empty()) return luminance(total);
+  Float sum(0.F);
+  for (const transport::Splat& s : c.splats) {
+    const Mask lit = lanes & not_black(s.radiance);
+    if (none(lit)) continue;
+    const Float value = luminance(s.radiance) * map.factor(s.raster_x, s.raster_y, lit);
+    sum = sum + keep(lit, value);
+  }
+  return sum;
+}
+
+void RenderTarget::add_proposal_to(LightMap& map) const {
+  for (const transport::Splat& s : found(Which::kProposal).splats) {
+    const Float brightness = luminance(s.radiance);
+    for (uint32_t rest = bits(not_black(s.radiance)); rest != 0; rest &= rest - 1) {
+      const int lane = __builtin_ctz(rest);
+      map.add(lane_value(s.raster_x, lane), lane_value(s.raster_y, lane),
+              lane_value(brightness, lane));
+    }
+  }
 }
 
 void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
@@ -79,7 +107,7 @@ void RenderTarget::accept(Which from, Mask lanes) {
 }
 
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
-  if (none(lanes)) return;
+  if (none(lanes) || splatter_ == nullptr) return;
   const transport::Contribution& c = found(which);
   destination_.layer = static_cast<int>(layer);
   const uint64_t call = mix64(serial);

@@ -19,7 +19,8 @@ class RenderTarget final : public metropolis::Target {
   explicit RenderTarget(const Context& context) : RenderTarget(context, context.make_estimator()) {}
   RenderTarget(const Context& context, std::unique_ptr<transport::Estimator> estimator);
 
-  // Where record() splats: half and statistics group of the chains, and the first chain's number.
+  // Where record() splats, nowhere if null: half and statistics group of the chains, and the first
+  // chain's number.
   void begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain);
 
   Float evaluate(primary_space::SampleSource& source, metropolis::Which into, Mask lanes) override;
@@ -37,6 +38,9 @@ class RenderTarget final : public metropolis::Target {
   Payload current(int lane) const;
   void set_current(int lane, const Payload& payload);
 
+  // Adds what the last proposals brought back, in all lanes.
+  void add_proposal_to(LightMap& map) const;
+
   const transport::PathCosts& costs() const { return estimator_->costs(); }
   const diagnostics::AnomalyLog& anomalies() const { return anomalies_; }
 
@@ -47,6 +51,8 @@ class RenderTarget final : public metropolis::Target {
   const transport::Contribution& found(metropolis::Which which) const {
     return found_[static_cast<int>(which)];
   }
+  // f: luminance, over the target map where there is one.
+  Float target_of(const transport::Contribution& c, const Spectrum& total, Mask lanes) const;
   void log_incidents(const primary_space::SampleSource& source);
 
   const Context& context_;

@@ -15,12 +15,14 @@ namespace metrofarm::work_unit {
 
 struct BootstrapOutput {
   std::vector<float> values;  // f by sample
+  std::vector<double> map;    // where light landed, see BootstrapResult.map; if it was wanted
   uint64_t rays = 0;
   diagnostics::AnomalyLog anomalies;
 };
 
 // Samples [first, first + count). Requires: both multiples of kLanes.
-BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count);
+BootstrapOutput run_bootstrap(const Context& context, uint64_t first, uint32_t count,
+                              bool wants_map = false);
 
 // ---- chains ----
 
@@ -38,24 +40,40 @@ struct ChainGroup {
 // a free check that this worker sees the scene that the bootstrap saw.
 Result<GroupState> start_chains(const Context& context, const ChainSeeds& seeds);
 
+// Numbers of samples of every cell.
+struct SampleRange {
+  uint64_t first = 0;
+  uint64_t count = 0;
+};
+
 struct SegmentOutput {
   uint64_t digest = 0;
   Counts counts;
   diagnostics::AnomalyLog anomalies;
+
+  // What was rendered beside it in the same segment.
+  void add(const SegmentOutput& other) {
+    digest += other.digest;
+    counts.add_costs(other.counts);
+    anomalies.merge(other.anomalies);
+  }
 };
 
 // Advances every chain of a group by `mutations` and leaves the new state in `chains`.
 SegmentOutput run_chain_segment(const Context& context, ChainGroup& chains, uint64_t mutations,
                                 film::Film& film);
 
+// What becomes of chains that start from these seeds, under another kernel than the spec's.
+Result<SegmentOutput> try_kernel(const Context& context, const metropolis::Kernel& kernel,
+                                 const ChainSeeds& seeds, uint64_t mutations);
+
 // ---- independent paths ----
 
-struct PathRange {
-  uint32_t segment = 0;
-  uint64_t first_sample = 0;  // per pixel
-  uint64_t samples = 0;       // per pixel
-};
+SegmentOutput run_path_segment(const Context& context, uint32_t segment, const SampleRange& samples,
+                               film::Film& film);
 
-SegmentOutput run_path_segment(const Context& context, const PathRange& range, film::Film& film);
+// Direct light of a chain group's share of the cells. Requires: the spec has it apart.
+SegmentOutput run_direct_segment(const Context& context, uint32_t group, const SampleRange& samples,
+                                 film::Film& film);
 
 }  // namespace metrofarm::work_unit

@@ -4,7 +4,9 @@ package bootstrap
 
 import (
 	"fmt"
+	"maps"
 	"math"
+	"slices"
 
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/tally"
@@ -13,10 +15,13 @@ import (
 // Samples collects f of every bootstrap index. Half 0 owns the first half of the indices.
 type Samples struct {
 	values []float32
+	maps   map[uint64][]float64 // by first index of the range
 }
 
 // NewSamples returns a collection of count zeros.
-func NewSamples(count uint64) *Samples { return &Samples{values: make([]float32, count)} }
+func NewSamples(count uint64) *Samples {
+	return &Samples{values: make([]float32, count), maps: map[uint64][]float64{}}
+}
 
 // Set stores the values of a range. It refuses values that no luminance can have.
 func (s *Samples) Set(first uint64, values []float32) error {
@@ -30,6 +35,35 @@ func (s *Samples) Set(first uint64, values []float32) error {
 	}
 	copy(s.values[first:], values)
 	return nil
+}
+
+// SetMap stores where the light of a range landed. It refuses maps of another size and values that
+// no luminance can have.
+func (s *Samples) SetMap(first uint64, sums []float64, cells int) error {
+	if len(sums) != cells {
+		return fmt.Errorf("bootstrap: a map of %d cells, not %d", len(sums), cells)
+	}
+	for _, v := range sums {
+		if !(v >= 0) || math.IsInf(v, 0) {
+			return fmt.Errorf("bootstrap: value %v of the map is not finite and non-negative", v)
+		}
+	}
+	s.maps[first] = sums
+	return nil
+}
+
+// Map adds up the maps of all ranges, in index order; nil without any.
+func (s *Samples) Map() []float64 {
+	var sum []float64
+	for _, first := range slices.Sorted(maps.Keys(s.maps)) {
+		if sum == nil {
+			sum = make([]float64, len(s.maps[first]))
+		}
+		for i, v := range s.maps[first] {
+			sum[i] += v
+		}
+	}
+	return sum
 }
 
 // Values lists f by index.

@@ -12,6 +12,7 @@ import (
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
+	"metrofarm/services/internal/bootstrap"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/lease"
 )
@@ -171,7 +172,7 @@ func (r *run) buildTasks(refs []lease.Ref, w worker) []*farmv1.Task {
 		BundleDigest: r.rec.Request.Scene, Entry: r.rec.Request.Entry,
 		Defaults: r.rec.Request.Defaults, Lenient: r.rec.Request.Lenient,
 	}
-	spec := r.spec
+	spec := r.stageSpec()
 	if spec == nil {
 		spec = &jobv1.ResolvedSpec{}
 	}
@@ -195,12 +196,18 @@ func (r *run) fillWork(t *farmv1.Task, key taskKey) {
 	switch {
 	case key.phase == job.Inspecting:
 		t.Work = &farmv1.Task_Inspect{Inspect: &farmv1.InspectTask{}}
+	case key.phase == job.Bootstrapping && r.stage == stageTrials:
+		t.Work = &farmv1.Task_KernelTrials{KernelTrials: r.trialsTask()}
 	case key.phase == job.Bootstrapping:
-		t.Work = &farmv1.Task_Bootstrap{Bootstrap: &farmv1.BootstrapTask{FirstIndex: key.first.First, Count: key.first.Count}}
+		t.Work = &farmv1.Task_Bootstrap{Bootstrap: &farmv1.BootstrapTask{
+			FirstIndex: key.first.First, Count: key.first.Count, WantsMap: r.stage == stageMap,
+		}}
 	case r.state.Chains():
 		t.Work = &farmv1.Task_Chains{Chains: &farmv1.ChainSegmentsTask{
 			Round:  uint32(key.round),
 			Groups: []*farmv1.ChainGroupState{r.groupState(key)},
+
+			DirectFirstSample: r.state.DirectBefore(key.round),
 		}}
 	default:
 		t.Work = &farmv1.Task_Paths{Paths: &farmv1.PathSegmentsTask{
@@ -211,12 +218,17 @@ func (r *run) fillWork(t *farmv1.Task, key taskKey) {
 }
 
 func (r *run) groupState(key taskKey) *farmv1.ChainGroupState {
-	g := &farmv1.ChainGroupState{Group: uint32(key.segment)}
 	if key.round > 0 {
-		g.State, _ = r.state.StateBefore(key.round, key.segment)
-		return g
+		state, _ := r.state.StateBefore(key.round, key.segment)
+		return &farmv1.ChainGroupState{Group: uint32(key.segment), State: state}
 	}
-	for _, seed := range r.state.Seeds[key.segment] {
+	return seedState(key.segment, r.state.Seeds[key.segment])
+}
+
+// seedState is where the chains of a group start.
+func seedState(group int, seeds []bootstrap.Seed) *farmv1.ChainGroupState {
+	g := &farmv1.ChainGroupState{Group: uint32(group)}
+	for _, seed := range seeds {
 		g.SeedIndices = append(g.SeedIndices, seed.Index)
 		g.SeedValues = append(g.SeedValues, seed.Value)
 	}

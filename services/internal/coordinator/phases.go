@@ -8,14 +8,12 @@ import (
 	"google.golang.org/protobuf/proto"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
-	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/bootstrap"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/render"
-	"metrofarm/services/internal/round"
 	"metrofarm/services/internal/tally"
 )
 
@@ -82,52 +80,11 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 	if !plan.RunsChains(spec) && spec.GetUnit() > 0 {
 		r.startRendering([film.Halves]tally.Sums{}, nil)
 	} else {
-		r.startBootstrap()
+		r.startSampling()
 		r.setState(job.Bootstrapping, "")
 	}
 	r.save()
 	return nil
-}
-
-// plan resolves the spec, or says how to find out what to resolve. Requires: mu.
-func (r *run) plan(report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, error) {
-	if r.piloting = plan.NeedsPilot(r.rec.Request, report); r.piloting {
-		spec, err := plan.Pilot(r.rec.Request, report)
-		return spec, nil, err
-	}
-	return plan.Resolve(r.rec.Request, report)
-}
-
-// decide chooses the integrator from the pilot's samples and starts the bootstrap. Requires: mu;
-// all samples are in.
-func (r *run) decide() {
-	values := r.samples.Values()
-	if r.pilot == nil {
-		spec, needed := plan.Seen(r.spec)
-		r.pilot = values
-		if needed {
-			r.spec = spec
-			r.startBootstrap()
-			return
-		}
-	}
-	request := r.rec.Request
-	name, decision := plan.Decide(r.pilot, values, r.report)
-	request.Integrator = name
-	spec, warnings, err := plan.Resolve(request, r.report)
-	if err != nil {
-		r.fail(err.Error())
-		return
-	}
-	spec.WorkerVersion, spec.AutoDecision = r.spec.GetWorkerVersion(), decision
-	r.spec, r.piloting, r.pilot = spec, false, nil
-	for _, text := range warnings {
-		r.warn(text)
-	}
-	r.publish("state", fmt.Sprintf("integrator %s: %s", name, decision.GetReason()), nil)
-	r.clearTasks()
-	r.startBootstrap()
-	r.save()
 }
 
 // sampled takes the values of one bootstrap range. Requires: mu.
@@ -142,6 +99,11 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 	if err := r.samples.Set(part.First, result.GetValues()); err != nil {
 		return &malformedError{err.Error()}
 	}
+	if r.stage == stageMap {
+		if err := r.samples.SetMap(part.First, result.GetMap(), plan.MapSide*plan.MapSide); err != nil {
+			return &malformedError{err.Error()}
+		}
+	}
 	r.closeTask(task)
 	r.extra.BootstrapEvaluations += uint64(part.Count)
 	r.extra.BootstrapRays += result.GetRays()
@@ -152,51 +114,10 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 		r.extra.BootstrapAnomalies[kind] += n
 	}
 	r.reportAnomalies(result.GetAnomalies())
-	switch {
-	case r.table.Open() > 0:
-	case r.piloting:
-		r.decide()
-	default:
-		r.finishBootstrap()
+	if r.table.Open() == 0 {
+		r.nextStage()
 	}
 	return nil
-}
-
-// finishBootstrap fixes the film unit and the seeds. Requires: mu; all samples are in.
-func (r *run) finishBootstrap() {
-	halves := [film.Halves]tally.Sums{r.samples.Half(0), r.samples.Half(1)}
-	mean, _ := bootstrapB(halves)
-	spec := proto.CloneOf(r.spec)
-	warning, black := plan.SetUnit(spec, mean)
-	r.spec = spec
-	if warning != "" {
-		r.warn(warning)
-	}
-	var lengths []tally.Sums
-	if plan.Multiplexed(spec) {
-		lengths = r.samples.Lengths(int(spec.GetMaxDepth()))
-		plan.SetLengths(spec, lengths, r.report)
-	}
-	var seeds [][]bootstrap.Seed
-	if plan.Chains(spec) > 0 {
-		seeds = r.samples.Seeds(spec.GetSeed(), int(spec.GetChainGroups()), int(spec.GetGroupSize()))
-		for h, half := range halves {
-			if half.Sum == 0 && !black {
-				r.warn(fmt.Sprintf("bootstrap half %d carries no light: its half of the image stays black; more bootstrap samples may help", h))
-			}
-		}
-	}
-	r.samples = nil
-	r.startRendering(halves, seeds)
-	r.state.Lengths = lengths
-	if black {
-		r.clearTasks()
-		r.state.Drop()
-		r.emptySHA, _ = r.state.FilmSHA256() // writing to a hash cannot fail
-		r.finishing = &round.Decision{Round: -1, Reason: round.StopBlack}
-	}
-	r.save()
-	r.c.wake()
 }
 
 // startRendering opens the first rounds. Requires: mu; the spec has its unit.

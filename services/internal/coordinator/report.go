@@ -56,8 +56,12 @@ func (r *run) takeReport(w worker, in *farmv1.ReportRequest) error {
 			return r.inspected(in.GetLease().GetTaskId(), result.Scene)
 		}
 	case *farmv1.ReportRequest_Bootstrap:
-		if key.phase == job.Bootstrapping {
+		if key.phase == job.Bootstrapping && r.stage != stageTrials {
 			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
+		}
+	case *farmv1.ReportRequest_KernelTrials:
+		if key.phase == job.Bootstrapping && r.stage == stageTrials {
+			return r.tried(in.GetLease().GetTaskId(), result.KernelTrials)
 		}
 	}
 	return &malformedError{"the result does not fit the task"}

@@ -38,9 +38,10 @@ type run struct {
 	report *scenev1.SceneReport
 	spec   *jobv1.ResolvedSpec // replaced, never changed: tasks under way share it
 	// While bootstrapping.
-	samples  *bootstrap.Samples
-	piloting bool      // the samples are those of the pilot that chooses the integrator
-	pilot    []float32 // values of its first pass, while the second runs
+	stage   stage
+	samples *bootstrap.Samples
+	pilot   []float32 // values of the pilot's first pass, while the second runs
+	boot    bootstrapped
 	// While rendering, and after the end until the last checkpoint is written.
 	state     *render.State
 	finishing *round.Decision // the last round is folded, its checkpoint is being written
@@ -104,18 +105,6 @@ func (r *run) clearTasks() {
 // startInspection opens the job's first task. Requires: mu.
 func (r *run) startInspection() {
 	r.put(r.id+"/inspect", 0, taskKey{phase: job.Inspecting})
-}
-
-// startBootstrap opens the bootstrap's tasks, or the pilot's. Requires: mu; spec is resolved.
-func (r *run) startBootstrap() {
-	phase := "b"
-	if r.piloting {
-		phase = fmt.Sprintf("pilot%d-", r.spec.GetMaxDepth())
-	}
-	r.samples = bootstrap.NewSamples(r.spec.GetBootstrapSamples())
-	for i, part := range plan.BootstrapRanges(r.spec) {
-		r.put(fmt.Sprintf("%s/%s%d", r.id, phase, i), uint64(i), taskKey{phase: job.Bootstrapping, first: part})
-	}
 }
 
 // openTasks opens the tasks of all segments that can be rendered now. Requires: mu; rendering.

@@ -44,7 +44,7 @@ func (r *run) describeSpec(s *job.Snapshot) {
 		return
 	}
 	s.Width, s.Height = int(r.spec.GetWidth()), int(r.spec.GetHeight())
-	if r.piloting {
+	if r.piloting() {
 		return
 	}
 	s.Integrator, s.Seed = plan.IntegratorName(r.spec), r.spec.GetSeed()

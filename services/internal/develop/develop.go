@@ -6,11 +6,14 @@
 //	cells (A b / N + B c / NL)
 //
 // where A and B are the sums of layers 0 and 1: the worker's raster positions are uniform over the
-// cells and the filter integrates to one per pixel. A path-traced pixel is P c / n with n samples
+// cells and the filter integrates to one per pixel. Direct light apart adds D d / n of layer 2, d
+// being its unit and n its samples per cell. A path-traced pixel is P c / n with n samples
 // per cell.
 package develop
 
 import (
+	"slices"
+
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/tally"
 )
@@ -21,6 +24,8 @@ type Scales struct {
 	Group   [film.StatGroups][]float64 // by layer, of the low-resolution planes
 	Weights [film.Halves]float64       // of the halves in the mean
 	B       tally.Sums                 // pooled over both halves; empty for path tracing
+	// Common scales low-resolution planes that all groups share: their sum goes to each group.
+	Common []float64 // by layer
 }
 
 // ChainTotals is what the scales of a PSSMLT film depend on.
@@ -29,6 +34,9 @@ type ChainTotals struct {
 	Unit       float64
 	Mutations  [film.StatGroups]uint64
 	LargeSteps [film.StatGroups]uint64
+	// Direct samples per cell and the unit of their layer, the third; 0 where it does not exist.
+	Direct     uint64
+	DirectUnit float64
 	// Samples are all independent samples of f of a half, in absolute units: the bootstrap's and
 	// the large steps'.
 	Samples [film.Halves]tally.Sums
@@ -55,7 +63,20 @@ func PSSMLT(t ChainTotals) Scales {
 		s.Half[h] = scale(h, mutations[h], largeSteps[h])
 		s.B.Merge(t.Samples[h], 1)
 	}
+	if t.Direct > 0 {
+		s.addDirect(t)
+	}
 	return s
+}
+
+// addDirect scales the layer of direct light. Its samples are stratified over the cells, so groups
+// of them say little about its error, which is small beside that of the chains: each group gets all
+// of it.
+func (s *Scales) addDirect(t ChainTotals) {
+	for h := range film.Halves {
+		s.Half[h] = append(s.Half[h], ratio(t.DirectUnit, residues(t.Direct, film.Halves, h)))
+	}
+	s.Common = []float64{0, 0, ratio(t.DirectUnit, t.Direct)}
 }
 
 // Path returns the scales of a film of one layer after n samples per cell: sample i went to half
@@ -124,8 +145,14 @@ func (m *Images) Variance(i int) float64 {
 func LowGroups(f *film.Film, s Scales) [film.StatGroups][]float64 {
 	shape := f.Shape()
 	var groups [film.StatGroups][]float64
+	common := make([]float64, film.LowTileValues)
+	for l, scale := range s.Common {
+		for g := range film.StatGroups {
+			f.AddLowPlane(common, g*shape.Layers+l, scale)
+		}
+	}
 	for g := range film.StatGroups {
-		values := make([]float64, film.LowTileValues)
+		values := slices.Clone(common)
 		for l, scale := range s.Group[g] {
 			f.AddLowPlane(values, g*shape.Layers+l, scale)
 		}

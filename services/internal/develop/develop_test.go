@@ -47,6 +47,37 @@ func TestPSSMLTScales(t *testing.T) {
 	near("group 5", LowGroups(f, scales)[5][0], 6*7*4.0/30)
 }
 
+// TestDirectLight adds D d / n of the third layer: to each half its own samples, to each group those
+// of all groups.
+func TestDirectLight(t *testing.T) {
+	shape := film.Shape{Width: 1, Height: 1, Layers: 3}
+	f := film.New(shape)
+	put := func(a film.Address, size int, value float64) {
+		values := make([]int64, size)
+		values[0] = int64(value * film.FixedOne)
+		index, err := shape.Index(a)
+		if err != nil {
+			t.Fatal(err)
+		}
+		f.Add(film.Tile{Index: index, Values: values})
+	}
+	put(film.Address{Plane: 2}, film.FullTileValues, 6)
+	put(film.Address{Plane: 5}, film.FullTileValues, 9)
+	for g := range film.StatGroups {
+		put(film.Address{Low: true, Plane: 3*g + 2}, film.LowTileValues, 1)
+	}
+	scales := PSSMLT(ChainTotals{Cells: 1, Unit: 4, Direct: 10, DirectUnit: 50})
+	images := Develop(f, scales)
+	if images.Halves[0][0] != 6*50.0/5 || images.Halves[1][0] != 9*50.0/5 || images.Mean(0) != 75 {
+		t.Errorf("halves %v, %v", images.Halves[0][0], images.Halves[1][0])
+	}
+	for g, values := range LowGroups(f, scales) {
+		if values[0] != 16*50.0/10 {
+			t.Errorf("group %d has %v", g, values[0])
+		}
+	}
+}
+
 func TestPathScales(t *testing.T) {
 	for n, want := range map[uint64][2]float64{1: {1, 0}, 2: {0.5, 0.5}, 3: {2.0 / 3, 1.0 / 3}, 20: {0.5, 0.5}} {
 		s := Path(2, n)

@@ -24,7 +24,9 @@ const (
 // Shape is what fixes the number and meaning of a film's values.
 type Shape struct {
 	Width, Height int
-	Layers        int // 2 for chains (chain weights, large steps), 1 for independent samples
+	// Layers: 2 for chains (chain weights, large steps), 3 with direct light apart, 1 for independent
+	// samples.
+	Layers int
 }
 
 // Validate refuses shapes that no film can have.
@@ -32,8 +34,8 @@ func (s Shape) Validate() error {
 	if s.Width < 1 || s.Height < 1 || s.Width > MaxSide || s.Height > MaxSide {
 		return fmt.Errorf("film: size %d x %d is outside 1..%d", s.Width, s.Height, MaxSide)
 	}
-	if s.Layers < 1 || s.Layers > 2 {
-		return fmt.Errorf("film: %d layers, not 1 or 2", s.Layers)
+	if s.Layers < 1 || s.Layers > 3 {
+		return fmt.Errorf("film: %d layers, not 1 to 3", s.Layers)
 	}
 	return nil
 }

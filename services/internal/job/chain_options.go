@@ -24,6 +24,9 @@ const (
 
 	TechniqueFrozen  = "frozen"
 	TechniqueMutated = "mutated"
+
+	TargetLuminance = "luminance"
+	TargetEqualized = "equalized"
 )
 
 func chainOptions() []Option {
@@ -91,6 +94,25 @@ func chainOptions() []Option {
 			[]string{WeightsTwoLayer, WeightsKelemen},
 			chains,
 			"how large steps share in the image; default two-layer", func(r *Request) any { return &r.LayerWeights },
+		},
+		{
+			"kernel_tuning", "kernel-tuning", "",
+			[]string{On, Off},
+			chains,
+			"try sizes of small steps in a pilot and keep the one that is accepted well; default off", func(r *Request) any { return &r.KernelTuning },
+		},
+		{
+			"target", "target", "",
+			[]string{TargetLuminance, TargetEqualized},
+			chains,
+			"what chains seek: luminance, or luminance over a rough image of the scene, for equal relative error all over; default luminance",
+			func(r *Request) any { return &r.Target },
+		},
+		{
+			"direct_apart", "direct-apart", "",
+			[]string{On, Off},
+			chains,
+			"leave light that bounces at most once to independent paths; default off", func(r *Request) any { return &r.DirectApart },
 		},
 		{
 			"technique_coordinate", "technique-coordinate", "",

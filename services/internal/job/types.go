@@ -63,6 +63,9 @@ type Request struct {
 	LocalScale          float64 `json:"local_scale,omitempty"`
 	LayerWeights        string  `json:"layer_weights,omitempty"`
 	TechniqueCoordinate string  `json:"technique_coordinate,omitempty"`
+	KernelTuning        string  `json:"kernel_tuning,omitempty"`
+	Target              string  `json:"target,omitempty"`
+	DirectApart         string  `json:"direct_apart,omitempty"`
 
 	// BootstrapSamples is rounded up to what the group size asks for.
 	BootstrapSamples uint64 `json:"bootstrap_samples,omitempty"`

@@ -86,6 +86,9 @@ func Shape(spec *jobv1.ResolvedSpec) film.Shape {
 	if RunsChains(spec) {
 		layers = 2
 	}
+	if DirectApart(spec) {
+		layers = 3
+	}
 	return film.Shape{Width: int(spec.GetWidth()), Height: int(spec.GetHeight()), Layers: layers}
 }
 

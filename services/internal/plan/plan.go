@@ -83,7 +83,17 @@ func Resolve(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, [
 		setSegments(spec, r, report)
 	}
 	spec.RoundSizes = roundSizes(spec, requestedCount(spec, r, report))
-	return spec, append(warnings, depthWarnings...), nil
+	warnings = append(warnings, depthWarnings...)
+	if RunsChains(spec) {
+		apart, warning := wantsDirectApart(spec, r)
+		if apart {
+			spec.DirectSizes = directSizes(spec)
+		}
+		if warning != "" {
+			warnings = append(warnings, warning)
+		}
+	}
+	return spec, warnings, nil
 }
 
 // chosen is the name of the integrator where no pilot has to decide.

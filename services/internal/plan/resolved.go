@@ -72,6 +72,9 @@ func checkSpec(s *jobv1.ResolvedSpec) string {
 }
 
 func checkIntegrator(s *jobv1.ResolvedSpec) string {
+	if !RunsChains(s) && (DirectApart(s) || s.GetTargetMap() != nil) {
+		return "direct_sizes and target_map belong to chains"
+	}
 	if s.GetUnder() != 0 && s.GetIntegrator() != jobv1.Integrator_INTEGRATOR_PSSMLT {
 		return "under belongs to INTEGRATOR_PSSMLT"
 	}
@@ -95,6 +98,7 @@ func checkChains(s *jobv1.ResolvedSpec) string {
 	}
 	for _, detail := range []string{
 		checkKernel(s.GetKernel()), checkSecondStage(s.GetDelayedRejection(), s.GetKernel().GetKind()), checkTarget(s),
+		checkDirect(s), checkMap(s.GetTargetMap()),
 	} {
 		if detail != "" {
 			return detail

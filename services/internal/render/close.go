@@ -13,6 +13,7 @@ import (
 	"metrofarm/services/internal/develop"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/tally"
 )
 
@@ -70,6 +71,9 @@ func (s *State) Scales() develop.Scales {
 	t := develop.ChainTotals{
 		Cells: s.Cells, Unit: s.Spec.GetUnit(),
 		Mutations: s.Account.Mutations, LargeSteps: s.Account.LargeSteps, Samples: s.Bootstrap,
+	}
+	if plan.DirectApart(s.Spec) {
+		t.Direct, t.DirectUnit = s.DirectBefore(s.Closed), plan.DirectUnit*t.Unit
 	}
 	for g, chains := range s.Sums {
 		for _, c := range chains {

@@ -171,8 +171,21 @@ func (s *State) Ready(number, segment int) bool {
 
 // SamplesBefore is the sum of the sizes of all rounds before this one.
 func (s *State) SamplesBefore(number int) uint64 {
+	return sumOf(s.Spec.GetRoundSizes()[:number])
+}
+
+// DirectBefore is the number of samples per cell that all rounds before this one have of direct
+// light apart.
+func (s *State) DirectBefore(number int) uint64 {
+	if !plan.DirectApart(s.Spec) {
+		return 0
+	}
+	return sumOf(s.Spec.GetDirectSizes()[:number])
+}
+
+func sumOf(sizes []uint64) uint64 {
 	var sum uint64
-	for _, n := range s.Spec.GetRoundSizes()[:number] {
+	for _, n := range sizes {
 		sum += n
 	}
 	return sum

@@ -117,9 +117,9 @@ Rendered run_paths(const Context& context, int threads, uint64_t order_seed, int
   const std::vector<size_t> order = shuffled(context.blocks(), order_seed);
   parallel_for(order.size(), threads, [&](size_t i, int) {
     for (int part = 0; part < parts; ++part) {
-      const PathRange range{static_cast<uint32_t>(order[i]), uint64_t(6 / parts) * part,
-                            uint64_t(6 / parts)};
-      run.digests[order[i]] += run_path_segment(context, range, film).digest;
+      const SampleRange samples{uint64_t(6 / parts) * part, uint64_t(6 / parts)};
+      run.digests[order[i]] +=
+          run_path_segment(context, static_cast<uint32_t>(order[i]), samples, film).digest;
     }
   });
   run.values = all_values(film);
@@ -147,7 +147,7 @@ TEST(PathSegments, BlocksPerSegmentOnlyGroupTheWork) {
   const Context context(job.scene, spec);
   film::Film film(context.film_shape());
   for (uint32_t s = 0; s < (context.blocks() + 4) / 5; ++s)
-    run_path_segment(context, {s, 0, 6}, film);
+    run_path_segment(context, s, {0, 6}, film);
   EXPECT_EQ(all_values(film), reference.values);
 }
 
@@ -156,7 +156,7 @@ TEST(PathSegments, EveryCellGetsItsSamples) {
   film::Film film(job.context.film_shape());
   uint64_t paths = 0;
   for (uint32_t s = 0; s < job.context.blocks(); ++s)
-    paths += run_path_segment(job.context, {s, 0, 3}, film).counts.path_evaluations;
+    paths += run_path_segment(job.context, s, {0, 3}, film).counts.path_evaluations;
   EXPECT_EQ(paths, 3 * job.context.cells());
 }
 
@@ -169,7 +169,7 @@ TEST(PathSegments, AnEvenImageIsEvenToTheEdges) {
   const test::Job job(Integrator::kPath, b.take());
   film::Film film(job.context.film_shape());
   for (uint32_t s = 0; s < job.context.blocks(); ++s)
-    run_path_segment(job.context, {s, 0, 1000}, film);
+    run_path_segment(job.context, s, {0, 1000}, film);
   const auto plane = metrofarm::test::full_plane(film, 0);
   for (size_t i = 0; i < plane.size(); ++i) {
     const double expected = 500 * double(i % 3 + 1) / job.context.spec().unit;
@@ -222,7 +222,7 @@ TEST(Quarantine, ASampleBeyondTheFilmIsCounted) {
   b.emitter(scene::ConstantEmitter{{1e7F, 1e7F, 1e7F}});
   const test::Job job(Integrator::kPath, b.take());
   film::Film film(job.context.film_shape());
-  const SegmentOutput out = run_path_segment(job.context, {0, 0, 1}, film);
+  const SegmentOutput out = run_path_segment(job.context, 0, {0, 1}, film);
   EXPECT_EQ(out.anomalies.counts()[static_cast<size_t>(diagnostics::AnomalyKind::kOutOfRange)],
             64U);
   EXPECT_EQ(out.digest, 0U);

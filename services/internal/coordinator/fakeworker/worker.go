@@ -36,6 +36,8 @@ type Worker struct {
 	StaleDelay time.Duration
 	// Black makes all bootstrap values zero; OneHalf only those of half 1.
 	Black, OneHalf bool
+	// OneBounce leaves nothing where direct light is apart.
+	OneBounce bool
 	// Sparks leaves nearly all light to very few bootstrap values.
 	Sparks bool
 	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
@@ -171,6 +173,8 @@ func (w *Worker) report(ctx context.Context, task *farmv1.Task) error {
 		request.Result = &farmv1.ReportRequest_Scene{Scene: w.Report}
 	case *farmv1.Task_Bootstrap:
 		request.Result = &farmv1.ReportRequest_Bootstrap{Bootstrap: w.bootstrap(task, work.Bootstrap)}
+	case *farmv1.Task_KernelTrials:
+		request.Result = &farmv1.ReportRequest_KernelTrials{KernelTrials: tryKernels(work.KernelTrials)}
 	}
 	_, err := w.Client.Report(ctx, request)
 	return err
@@ -182,6 +186,25 @@ func (w *Worker) bootstrap(task *farmv1.Task, part *farmv1.BootstrapTask) *farmv
 	for i := range uint64(part.GetCount()) {
 		result.Values = append(result.Values, w.value(spec, part.GetFirstIndex()+i))
 	}
+	if part.GetWantsMap() && spec.GetDirectSizes() == nil {
+		result.Map = make([]float64, plan.MapSide*plan.MapSide)
+		for i, v := range result.GetValues() {
+			result.Map[i%len(result.Map)] += float64(v)
+		}
+	}
+	return result
+}
+
+// tryKernels accepts half of the steps of 0.01 and more of smaller ones.
+func tryKernels(work *farmv1.KernelTrialsTask) *farmv1.KernelTrialsResult {
+	result := &farmv1.KernelTrialsResult{}
+	n := work.GetMutations() * uint64(len(work.GetGroup().GetSeedIndices()))
+	for _, k := range work.GetKernels() {
+		accepted := float64(n) * 0.01 / (0.01 + k.GetS2())
+		result.Trials = append(result.Trials, &farmv1.SegmentCounts{
+			Mutations: n, SmallSteps: n, SmallAccepted: uint64(accepted), PathEvaluations: n, Rays: n,
+		})
+	}
 	return result
 }
 
@@ -190,7 +213,7 @@ func (w *Worker) value(spec *jobv1.ResolvedSpec, index uint64) float32 {
 	const spark, dim = 0.995, 1e-6
 	value := BootstrapValue(spec.GetSeed(), index)
 	switch {
-	case w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2, spec.GetMaxDepth() == 1:
+	case w.OneBounce && spec.GetDirectSizes() != nil, w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2, spec.GetMaxDepth() == 1:
 		return 0 // and no light is seen directly
 	case w.Sparks && value < spark:
 		return value * dim

@@ -843,7 +843,10 @@ type BootstrapResult struct {
 	// A sample of the anomalies, at most 16.
 	Anomalies []*Anomaly `protobuf:"bytes,5,rep,name=anomalies,proto3" json:"anomalies,omitempty"`
 	// CPU seconds (user and system): statistics only.
-	CpuSeconds    float64 `protobuf:"fixed64,6,opt,name=cpu_seconds,json=cpuSeconds,proto3" json:"cpu_seconds,omitempty"`
+	CpuSeconds float64 `protobuf:"fixed64,6,opt,name=cpu_seconds,json=cpuSeconds,proto3" json:"cpu_seconds,omitempty"`
+	// BootstrapTask.wants_map: luminance of all splats by where they landed, 64 x 64 cells over the
+	// image, row by row; what lands outside counts for the nearest cell. Summed in sample order.
+	Map           []float64 `protobuf:"fixed64,7,rep,packed,name=map,proto3" json:"map,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -920,6 +923,68 @@ func (x *BootstrapResult) GetCpuSeconds() float64 {
 	return 0
 }
 
+func (x *BootstrapResult) GetMap() []float64 {
+	if x != nil {
+		return x.Map
+	}
+	return nil
+}
+
+// How chains fared under several kernels.
+type KernelTrialsResult struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Counts of each trial, in the order of KernelTrialsTask.kernels.
+	Trials []*SegmentCounts `protobuf:"bytes,1,rep,name=trials,proto3" json:"trials,omitempty"`
+	// CPU seconds (user and system): statistics only.
+	CpuSeconds    float64 `protobuf:"fixed64,2,opt,name=cpu_seconds,json=cpuSeconds,proto3" json:"cpu_seconds,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *KernelTrialsResult) Reset() {
+	*x = KernelTrialsResult{}
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *KernelTrialsResult) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*KernelTrialsResult) ProtoMessage() {}
+
+func (x *KernelTrialsResult) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use KernelTrialsResult.ProtoReflect.Descriptor instead.
+func (*KernelTrialsResult) Descriptor() ([]byte, []int) {
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{11}
+}
+
+func (x *KernelTrialsResult) GetTrials() []*SegmentCounts {
+	if x != nil {
+		return x.Trials
+	}
+	return nil
+}
+
+func (x *KernelTrialsResult) GetCpuSeconds() float64 {
+	if x != nil {
+		return x.CpuSeconds
+	}
+	return 0
+}
+
 // A failure.
 type TaskFailure struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -933,7 +998,7 @@ type TaskFailure struct {
 
 func (x *TaskFailure) Reset() {
 	*x = TaskFailure{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -945,7 +1010,7 @@ func (x *TaskFailure) String() string {
 func (*TaskFailure) ProtoMessage() {}
 
 func (x *TaskFailure) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -958,7 +1023,7 @@ func (x *TaskFailure) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use TaskFailure.ProtoReflect.Descriptor instead.
 func (*TaskFailure) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{11}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{12}
 }
 
 func (x *TaskFailure) GetReason() FailureReason {
@@ -989,6 +1054,7 @@ type ReportRequest struct {
 	//	*ReportRequest_Scene
 	//	*ReportRequest_Bootstrap
 	//	*ReportRequest_Failure
+	//	*ReportRequest_KernelTrials
 	Result        isReportRequest_Result `protobuf_oneof:"result"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -996,7 +1062,7 @@ type ReportRequest struct {
 
 func (x *ReportRequest) Reset() {
 	*x = ReportRequest{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1008,7 +1074,7 @@ func (x *ReportRequest) String() string {
 func (*ReportRequest) ProtoMessage() {}
 
 func (x *ReportRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1021,7 +1087,7 @@ func (x *ReportRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ReportRequest.ProtoReflect.Descriptor instead.
 func (*ReportRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{12}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{13}
 }
 
 func (x *ReportRequest) GetWorkerId() string {
@@ -1072,6 +1138,15 @@ func (x *ReportRequest) GetFailure() *TaskFailure {
 	return nil
 }
 
+func (x *ReportRequest) GetKernelTrials() *KernelTrialsResult {
+	if x != nil {
+		if x, ok := x.Result.(*ReportRequest_KernelTrials); ok {
+			return x.KernelTrials
+		}
+	}
+	return nil
+}
+
 type isReportRequest_Result interface {
 	isReportRequest_Result()
 }
@@ -1091,11 +1166,18 @@ type ReportRequest_Failure struct {
 	Failure *TaskFailure `protobuf:"bytes,5,opt,name=failure,proto3,oneof"`
 }
 
+type ReportRequest_KernelTrials struct {
+	// Of a KernelTrialsTask.
+	KernelTrials *KernelTrialsResult `protobuf:"bytes,6,opt,name=kernel_trials,json=kernelTrials,proto3,oneof"`
+}
+
 func (*ReportRequest_Scene) isReportRequest_Result() {}
 
 func (*ReportRequest_Bootstrap) isReportRequest_Result() {}
 
 func (*ReportRequest_Failure) isReportRequest_Result() {}
+
+func (*ReportRequest_KernelTrials) isReportRequest_Result() {}
 
 // Answers Report.
 type ReportResponse struct {
@@ -1110,7 +1192,7 @@ type ReportResponse struct {
 
 func (x *ReportResponse) Reset() {
 	*x = ReportResponse{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1122,7 +1204,7 @@ func (x *ReportResponse) String() string {
 func (*ReportResponse) ProtoMessage() {}
 
 func (x *ReportResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[13]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1135,7 +1217,7 @@ func (x *ReportResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ReportResponse.ProtoReflect.Descriptor instead.
 func (*ReportResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{13}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{14}
 }
 
 func (x *ReportResponse) GetOutcome() Outcome {
@@ -1168,7 +1250,7 @@ type DeliverRequest struct {
 
 func (x *DeliverRequest) Reset() {
 	*x = DeliverRequest{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1180,7 +1262,7 @@ func (x *DeliverRequest) String() string {
 func (*DeliverRequest) ProtoMessage() {}
 
 func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[14]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1193,7 +1275,7 @@ func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverRequest.ProtoReflect.Descriptor instead.
 func (*DeliverRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{14}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{15}
 }
 
 func (x *DeliverRequest) GetContent() isDeliverRequest_Content {
@@ -1252,7 +1334,7 @@ type DeliverHeader struct {
 
 func (x *DeliverHeader) Reset() {
 	*x = DeliverHeader{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1264,7 +1346,7 @@ func (x *DeliverHeader) String() string {
 func (*DeliverHeader) ProtoMessage() {}
 
 func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1277,7 +1359,7 @@ func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverHeader.ProtoReflect.Descriptor instead.
 func (*DeliverHeader) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{15}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{16}
 }
 
 func (x *DeliverHeader) GetWorkerId() string {
@@ -1305,7 +1387,7 @@ type DeliverTiles struct {
 
 func (x *DeliverTiles) Reset() {
 	*x = DeliverTiles{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1317,7 +1399,7 @@ func (x *DeliverTiles) String() string {
 func (*DeliverTiles) ProtoMessage() {}
 
 func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1330,7 +1412,7 @@ func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverTiles.ProtoReflect.Descriptor instead.
 func (*DeliverTiles) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{16}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{17}
 }
 
 func (x *DeliverTiles) GetTiles() []*Tile {
@@ -1353,7 +1435,7 @@ type DeliverResponse struct {
 
 func (x *DeliverResponse) Reset() {
 	*x = DeliverResponse{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1365,7 +1447,7 @@ func (x *DeliverResponse) String() string {
 func (*DeliverResponse) ProtoMessage() {}
 
 func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1378,7 +1460,7 @@ func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverResponse.ProtoReflect.Descriptor instead.
 func (*DeliverResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{17}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{18}
 }
 
 func (x *DeliverResponse) GetOutcome() Outcome {
@@ -1438,7 +1520,7 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x13FetchBundleResponse\x12@\n" +
 	"\bmanifest\x18\x01 \x01(\v2\".metrofarm.scene.v1.BundleManifestH\x00R\bmanifest\x12\x14\n" +
 	"\x04data\x18\x02 \x01(\fH\x00R\x04dataB\t\n" +
-	"\acontent\"\xe0\x01\n" +
+	"\acontent\"\xf2\x01\n" +
 	"\x0fBootstrapResult\x12\x1f\n" +
 	"\vfirst_index\x18\x01 \x01(\x04R\n" +
 	"firstIndex\x12\x16\n" +
@@ -1447,16 +1529,22 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x0eanomaly_counts\x18\x04 \x03(\x04R\ranomalyCounts\x128\n" +
 	"\tanomalies\x18\x05 \x03(\v2\x1a.metrofarm.farm.v1.AnomalyR\tanomalies\x12\x1f\n" +
 	"\vcpu_seconds\x18\x06 \x01(\x01R\n" +
+	"cpuSeconds\x12\x10\n" +
+	"\x03map\x18\a \x03(\x01R\x03map\"o\n" +
+	"\x12KernelTrialsResult\x128\n" +
+	"\x06trials\x18\x01 \x03(\v2 .metrofarm.farm.v1.SegmentCountsR\x06trials\x12\x1f\n" +
+	"\vcpu_seconds\x18\x02 \x01(\x01R\n" +
 	"cpuSeconds\"a\n" +
 	"\vTaskFailure\x128\n" +
 	"\x06reason\x18\x01 \x01(\x0e2 .metrofarm.farm.v1.FailureReasonR\x06reason\x12\x18\n" +
-	"\amessage\x18\x02 \x01(\tR\amessage\"\xa2\x02\n" +
+	"\amessage\x18\x02 \x01(\tR\amessage\"\xf0\x02\n" +
 	"\rReportRequest\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x121\n" +
 	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x127\n" +
 	"\x05scene\x18\x03 \x01(\v2\x1f.metrofarm.scene.v1.SceneReportH\x00R\x05scene\x12B\n" +
 	"\tbootstrap\x18\x04 \x01(\v2\".metrofarm.farm.v1.BootstrapResultH\x00R\tbootstrap\x12:\n" +
-	"\afailure\x18\x05 \x01(\v2\x1e.metrofarm.farm.v1.TaskFailureH\x00R\afailureB\b\n" +
+	"\afailure\x18\x05 \x01(\v2\x1e.metrofarm.farm.v1.TaskFailureH\x00R\afailure\x12L\n" +
+	"\rkernel_trials\x18\x06 \x01(\v2%.metrofarm.farm.v1.KernelTrialsResultH\x00R\fkernelTrialsB\b\n" +
 	"\x06result\"`\n" +
 	"\x0eReportResponse\x124\n" +
 	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +
@@ -1510,7 +1598,7 @@ func file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_farm_v1_farm_service_proto_enumTypes = make([]protoimpl.EnumInfo, 3)
-var file_metrofarm_farm_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 18)
+var file_metrofarm_farm_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 19)
 var file_metrofarm_farm_v1_farm_service_proto_goTypes = []any{
 	(Directive)(0),              // 0: metrofarm.farm.v1.Directive
 	(FailureReason)(0),          // 1: metrofarm.farm.v1.FailureReason
@@ -1526,58 +1614,62 @@ var file_metrofarm_farm_v1_farm_service_proto_goTypes = []any{
 	(*FetchBundleRequest)(nil),  // 11: metrofarm.farm.v1.FetchBundleRequest
 	(*FetchBundleResponse)(nil), // 12: metrofarm.farm.v1.FetchBundleResponse
 	(*BootstrapResult)(nil),     // 13: metrofarm.farm.v1.BootstrapResult
-	(*TaskFailure)(nil),         // 14: metrofarm.farm.v1.TaskFailure
-	(*ReportRequest)(nil),       // 15: metrofarm.farm.v1.ReportRequest
-	(*ReportResponse)(nil),      // 16: metrofarm.farm.v1.ReportResponse
-	(*DeliverRequest)(nil),      // 17: metrofarm.farm.v1.DeliverRequest
-	(*DeliverHeader)(nil),       // 18: metrofarm.farm.v1.DeliverHeader
-	(*DeliverTiles)(nil),        // 19: metrofarm.farm.v1.DeliverTiles
-	(*DeliverResponse)(nil),     // 20: metrofarm.farm.v1.DeliverResponse
-	(*Task)(nil),                // 21: metrofarm.farm.v1.Task
-	(*LeaseRef)(nil),            // 22: metrofarm.farm.v1.LeaseRef
-	(*v1.BundleManifest)(nil),   // 23: metrofarm.scene.v1.BundleManifest
-	(*Anomaly)(nil),             // 24: metrofarm.farm.v1.Anomaly
-	(*v1.SceneReport)(nil),      // 25: metrofarm.scene.v1.SceneReport
-	(*BatchHeader)(nil),         // 26: metrofarm.farm.v1.BatchHeader
-	(*Tile)(nil),                // 27: metrofarm.farm.v1.Tile
+	(*KernelTrialsResult)(nil),  // 14: metrofarm.farm.v1.KernelTrialsResult
+	(*TaskFailure)(nil),         // 15: metrofarm.farm.v1.TaskFailure
+	(*ReportRequest)(nil),       // 16: metrofarm.farm.v1.ReportRequest
+	(*ReportResponse)(nil),      // 17: metrofarm.farm.v1.ReportResponse
+	(*DeliverRequest)(nil),      // 18: metrofarm.farm.v1.DeliverRequest
+	(*DeliverHeader)(nil),       // 19: metrofarm.farm.v1.DeliverHeader
+	(*DeliverTiles)(nil),        // 20: metrofarm.farm.v1.DeliverTiles
+	(*DeliverResponse)(nil),     // 21: metrofarm.farm.v1.DeliverResponse
+	(*Task)(nil),                // 22: metrofarm.farm.v1.Task
+	(*LeaseRef)(nil),            // 23: metrofarm.farm.v1.LeaseRef
+	(*v1.BundleManifest)(nil),   // 24: metrofarm.scene.v1.BundleManifest
+	(*Anomaly)(nil),             // 25: metrofarm.farm.v1.Anomaly
+	(*SegmentCounts)(nil),       // 26: metrofarm.farm.v1.SegmentCounts
+	(*v1.SceneReport)(nil),      // 27: metrofarm.scene.v1.SceneReport
+	(*BatchHeader)(nil),         // 28: metrofarm.farm.v1.BatchHeader
+	(*Tile)(nil),                // 29: metrofarm.farm.v1.Tile
 }
 var file_metrofarm_farm_v1_farm_service_proto_depIdxs = []int32{
-	21, // 0: metrofarm.farm.v1.LeaseResponse.tasks:type_name -> metrofarm.farm.v1.Task
-	22, // 1: metrofarm.farm.v1.LeaseProgress.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	22, // 0: metrofarm.farm.v1.LeaseResponse.tasks:type_name -> metrofarm.farm.v1.Task
+	23, // 1: metrofarm.farm.v1.LeaseProgress.lease:type_name -> metrofarm.farm.v1.LeaseRef
 	7,  // 2: metrofarm.farm.v1.HeartbeatRequest.leases:type_name -> metrofarm.farm.v1.LeaseProgress
-	22, // 3: metrofarm.farm.v1.LeaseDirective.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	23, // 3: metrofarm.farm.v1.LeaseDirective.lease:type_name -> metrofarm.farm.v1.LeaseRef
 	0,  // 4: metrofarm.farm.v1.LeaseDirective.directive:type_name -> metrofarm.farm.v1.Directive
 	9,  // 5: metrofarm.farm.v1.HeartbeatResponse.directives:type_name -> metrofarm.farm.v1.LeaseDirective
-	23, // 6: metrofarm.farm.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
-	24, // 7: metrofarm.farm.v1.BootstrapResult.anomalies:type_name -> metrofarm.farm.v1.Anomaly
-	1,  // 8: metrofarm.farm.v1.TaskFailure.reason:type_name -> metrofarm.farm.v1.FailureReason
-	22, // 9: metrofarm.farm.v1.ReportRequest.lease:type_name -> metrofarm.farm.v1.LeaseRef
-	25, // 10: metrofarm.farm.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
-	13, // 11: metrofarm.farm.v1.ReportRequest.bootstrap:type_name -> metrofarm.farm.v1.BootstrapResult
-	14, // 12: metrofarm.farm.v1.ReportRequest.failure:type_name -> metrofarm.farm.v1.TaskFailure
-	2,  // 13: metrofarm.farm.v1.ReportResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
-	18, // 14: metrofarm.farm.v1.DeliverRequest.header:type_name -> metrofarm.farm.v1.DeliverHeader
-	19, // 15: metrofarm.farm.v1.DeliverRequest.tiles:type_name -> metrofarm.farm.v1.DeliverTiles
-	26, // 16: metrofarm.farm.v1.DeliverHeader.batch:type_name -> metrofarm.farm.v1.BatchHeader
-	27, // 17: metrofarm.farm.v1.DeliverTiles.tiles:type_name -> metrofarm.farm.v1.Tile
-	2,  // 18: metrofarm.farm.v1.DeliverResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
-	3,  // 19: metrofarm.farm.v1.FarmService.Register:input_type -> metrofarm.farm.v1.RegisterRequest
-	5,  // 20: metrofarm.farm.v1.FarmService.Lease:input_type -> metrofarm.farm.v1.LeaseRequest
-	8,  // 21: metrofarm.farm.v1.FarmService.Heartbeat:input_type -> metrofarm.farm.v1.HeartbeatRequest
-	11, // 22: metrofarm.farm.v1.FarmService.FetchBundle:input_type -> metrofarm.farm.v1.FetchBundleRequest
-	15, // 23: metrofarm.farm.v1.FarmService.Report:input_type -> metrofarm.farm.v1.ReportRequest
-	17, // 24: metrofarm.farm.v1.FarmService.Deliver:input_type -> metrofarm.farm.v1.DeliverRequest
-	4,  // 25: metrofarm.farm.v1.FarmService.Register:output_type -> metrofarm.farm.v1.RegisterResponse
-	6,  // 26: metrofarm.farm.v1.FarmService.Lease:output_type -> metrofarm.farm.v1.LeaseResponse
-	10, // 27: metrofarm.farm.v1.FarmService.Heartbeat:output_type -> metrofarm.farm.v1.HeartbeatResponse
-	12, // 28: metrofarm.farm.v1.FarmService.FetchBundle:output_type -> metrofarm.farm.v1.FetchBundleResponse
-	16, // 29: metrofarm.farm.v1.FarmService.Report:output_type -> metrofarm.farm.v1.ReportResponse
-	20, // 30: metrofarm.farm.v1.FarmService.Deliver:output_type -> metrofarm.farm.v1.DeliverResponse
-	25, // [25:31] is the sub-list for method output_type
-	19, // [19:25] is the sub-list for method input_type
-	19, // [19:19] is the sub-list for extension type_name
-	19, // [19:19] is the sub-list for extension extendee
-	0,  // [0:19] is the sub-list for field type_name
+	24, // 6: metrofarm.farm.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
+	25, // 7: metrofarm.farm.v1.BootstrapResult.anomalies:type_name -> metrofarm.farm.v1.Anomaly
+	26, // 8: metrofarm.farm.v1.KernelTrialsResult.trials:type_name -> metrofarm.farm.v1.SegmentCounts
+	1,  // 9: metrofarm.farm.v1.TaskFailure.reason:type_name -> metrofarm.farm.v1.FailureReason
+	23, // 10: metrofarm.farm.v1.ReportRequest.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	27, // 11: metrofarm.farm.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
+	13, // 12: metrofarm.farm.v1.ReportRequest.bootstrap:type_name -> metrofarm.farm.v1.BootstrapResult
+	15, // 13: metrofarm.farm.v1.ReportRequest.failure:type_name -> metrofarm.farm.v1.TaskFailure
+	14, // 14: metrofarm.farm.v1.ReportRequest.kernel_trials:type_name -> metrofarm.farm.v1.KernelTrialsResult
+	2,  // 15: metrofarm.farm.v1.ReportResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
+	19, // 16: metrofarm.farm.v1.DeliverRequest.header:type_name -> metrofarm.farm.v1.DeliverHeader
+	20, // 17: metrofarm.farm.v1.DeliverRequest.tiles:type_name -> metrofarm.farm.v1.DeliverTiles
+	28, // 18: metrofarm.farm.v1.DeliverHeader.batch:type_name -> metrofarm.farm.v1.BatchHeader
+	29, // 19: metrofarm.farm.v1.DeliverTiles.tiles:type_name -> metrofarm.farm.v1.Tile
+	2,  // 20: metrofarm.farm.v1.DeliverResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
+	3,  // 21: metrofarm.farm.v1.FarmService.Register:input_type -> metrofarm.farm.v1.RegisterRequest
+	5,  // 22: metrofarm.farm.v1.FarmService.Lease:input_type -> metrofarm.farm.v1.LeaseRequest
+	8,  // 23: metrofarm.farm.v1.FarmService.Heartbeat:input_type -> metrofarm.farm.v1.HeartbeatRequest
+	11, // 24: metrofarm.farm.v1.FarmService.FetchBundle:input_type -> metrofarm.farm.v1.FetchBundleRequest
+	16, // 25: metrofarm.farm.v1.FarmService.Report:input_type -> metrofarm.farm.v1.ReportRequest
+	18, // 26: metrofarm.farm.v1.FarmService.Deliver:input_type -> metrofarm.farm.v1.DeliverRequest
+	4,  // 27: metrofarm.farm.v1.FarmService.Register:output_type -> metrofarm.farm.v1.RegisterResponse
+	6,  // 28: metrofarm.farm.v1.FarmService.Lease:output_type -> metrofarm.farm.v1.LeaseResponse
+	10, // 29: metrofarm.farm.v1.FarmService.Heartbeat:output_type -> metrofarm.farm.v1.HeartbeatResponse
+	12, // 30: metrofarm.farm.v1.FarmService.FetchBundle:output_type -> metrofarm.farm.v1.FetchBundleResponse
+	17, // 31: metrofarm.farm.v1.FarmService.Report:output_type -> metrofarm.farm.v1.ReportResponse
+	21, // 32: metrofarm.farm.v1.FarmService.Deliver:output_type -> metrofarm.farm.v1.DeliverResponse
+	27, // [27:33] is the sub-list for method output_type
+	21, // [21:27] is the sub-list for method input_type
+	21, // [21:21] is the sub-list for extension type_name
+	21, // [21:21] is the sub-list for extension extendee
+	0,  // [0:21] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_farm_v1_farm_service_proto_init() }
@@ -1590,12 +1682,13 @@ func file_metrofarm_farm_v1_farm_service_proto_init() {
 		(*FetchBundleResponse_Manifest)(nil),
 		(*FetchBundleResponse_Data)(nil),
 	}
-	file_metrofarm_farm_v1_farm_service_proto_msgTypes[12].OneofWrappers = []any{
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[13].OneofWrappers = []any{
 		(*ReportRequest_Scene)(nil),
 		(*ReportRequest_Bootstrap)(nil),
 		(*ReportRequest_Failure)(nil),
+		(*ReportRequest_KernelTrials)(nil),
 	}
-	file_metrofarm_farm_v1_farm_service_proto_msgTypes[14].OneofWrappers = []any{
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[15].OneofWrappers = []any{
 		(*DeliverRequest_Header)(nil),
 		(*DeliverRequest_Tiles)(nil),
 	}
@@ -1605,7 +1698,7 @@ func file_metrofarm_farm_v1_farm_service_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_farm_service_proto_rawDesc), len(file_metrofarm_farm_v1_farm_service_proto_rawDesc)),
 			NumEnums:      3,
-			NumMessages:   18,
+			NumMessages:   19,
 			NumExtensions: 0,
 			NumServices:   1,
 		},

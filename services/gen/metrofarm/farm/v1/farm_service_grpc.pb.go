@@ -47,7 +47,7 @@ type FarmServiceClient interface {
 	Heartbeat(ctx context.Context, in *HeartbeatRequest, opts ...grpc.CallOption) (*HeartbeatResponse, error)
 	// Sends the files of a bundle, in manifest order. NOT_FOUND: no such bundle.
 	FetchBundle(ctx context.Context, in *FetchBundleRequest, opts ...grpc.CallOption) (grpc.ServerStreamingClient[FetchBundleResponse], error)
-	// Reports the result of an InspectTask or a BootstrapTask, or the failure of any task.
+	// Reports the result of an InspectTask, a BootstrapTask or a KernelTrialsTask, or the failure of any task.
 	// A report under an old epoch is answered OUTCOME_SUPERSEDED and has no effect.
 	Report(ctx context.Context, in *ReportRequest, opts ...grpc.CallOption) (*ReportResponse, error)
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the
@@ -153,7 +153,7 @@ type FarmServiceServer interface {
 	Heartbeat(context.Context, *HeartbeatRequest) (*HeartbeatResponse, error)
 	// Sends the files of a bundle, in manifest order. NOT_FOUND: no such bundle.
 	FetchBundle(*FetchBundleRequest, grpc.ServerStreamingServer[FetchBundleResponse]) error
-	// Reports the result of an InspectTask or a BootstrapTask, or the failure of any task.
+	// Reports the result of an InspectTask, a BootstrapTask or a KernelTrialsTask, or the failure of any task.
 	// A report under an old epoch is answered OUTCOME_SUPERSEDED and has no effect.
 	Report(context.Context, *ReportRequest) (*ReportResponse, error)
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the

@@ -11,8 +11,8 @@ package farmv1
 import (
 	protoreflect "google.golang.org/protobuf/reflect/protoreflect"
 	protoimpl "google.golang.org/protobuf/runtime/protoimpl"
-	v11 "metrofarm/services/gen/metrofarm/job/v1"
-	v1 "metrofarm/services/gen/metrofarm/scene/v1"
+	v1 "metrofarm/services/gen/metrofarm/job/v1"
+	v11 "metrofarm/services/gen/metrofarm/scene/v1"
 	reflect "reflect"
 	sync "sync"
 	unsafe "unsafe"
@@ -129,7 +129,9 @@ type BootstrapTask struct {
 	// First sample index, a multiple of group_size.
 	FirstIndex uint64 `protobuf:"varint,1,opt,name=first_index,json=firstIndex,proto3" json:"first_index,omitempty"`
 	// Number of samples, a positive multiple of group_size, at most 65536.
-	Count         uint32 `protobuf:"varint,2,opt,name=count,proto3" json:"count,omitempty"`
+	Count uint32 `protobuf:"varint,2,opt,name=count,proto3" json:"count,omitempty"`
+	// Where the samples' light lands is reported, too.
+	WantsMap      bool `protobuf:"varint,3,opt,name=wants_map,json=wantsMap,proto3" json:"wants_map,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -178,6 +180,78 @@ func (x *BootstrapTask) GetCount() uint32 {
 	return 0
 }
 
+func (x *BootstrapTask) GetWantsMap() bool {
+	if x != nil {
+		return x.WantsMap
+	}
+	return false
+}
+
+// Runs the chains of one group from its seeds under several kernels in turn, and reports how they
+// fare. Nothing is splatted.
+type KernelTrialsTask struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Under each of these instead of the spec's kernel.
+	Kernels []*v1.Kernel `protobuf:"bytes,1,rep,name=kernels,proto3" json:"kernels,omitempty"`
+	// So many mutations of each chain, at most 65536.
+	Mutations uint64 `protobuf:"varint,2,opt,name=mutations,proto3" json:"mutations,omitempty"`
+	// The group, with its seeds.
+	Group         *ChainGroupState `protobuf:"bytes,3,opt,name=group,proto3" json:"group,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *KernelTrialsTask) Reset() {
+	*x = KernelTrialsTask{}
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *KernelTrialsTask) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*KernelTrialsTask) ProtoMessage() {}
+
+func (x *KernelTrialsTask) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use KernelTrialsTask.ProtoReflect.Descriptor instead.
+func (*KernelTrialsTask) Descriptor() ([]byte, []int) {
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{2}
+}
+
+func (x *KernelTrialsTask) GetKernels() []*v1.Kernel {
+	if x != nil {
+		return x.Kernels
+	}
+	return nil
+}
+
+func (x *KernelTrialsTask) GetMutations() uint64 {
+	if x != nil {
+		return x.Mutations
+	}
+	return 0
+}
+
+func (x *KernelTrialsTask) GetGroup() *ChainGroupState {
+	if x != nil {
+		return x.Group
+	}
+	return nil
+}
+
 // State of the chains of one group between two segments.
 type ChainGroupState struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -196,7 +270,7 @@ type ChainGroupState struct {
 
 func (x *ChainGroupState) Reset() {
 	*x = ChainGroupState{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -208,7 +282,7 @@ func (x *ChainGroupState) String() string {
 func (*ChainGroupState) ProtoMessage() {}
 
 func (x *ChainGroupState) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[2]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -221,7 +295,7 @@ func (x *ChainGroupState) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ChainGroupState.ProtoReflect.Descriptor instead.
 func (*ChainGroupState) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{2}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{3}
 }
 
 func (x *ChainGroupState) GetGroup() uint32 {
@@ -258,14 +332,18 @@ type ChainSegmentsTask struct {
 	// Round.
 	Round uint32 `protobuf:"varint,1,opt,name=round,proto3" json:"round,omitempty"`
 	// Groups with the state they have at the start of the round. Segment s of a round is group s.
-	Groups        []*ChainGroupState `protobuf:"bytes,2,rep,name=groups,proto3" json:"groups,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Groups []*ChainGroupState `protobuf:"bytes,2,rep,name=groups,proto3" json:"groups,omitempty"`
+	// Direct light apart: samples per pixel of all earlier rounds, the index of this round's first
+	// one. With B blocks of cells (see PathSegmentsTask) and G groups, segment s samples those from
+	// s B / G, rounded down, up to (s + 1) B / G.
+	DirectFirstSample uint64 `protobuf:"varint,3,opt,name=direct_first_sample,json=directFirstSample,proto3" json:"direct_first_sample,omitempty"`
+	unknownFields     protoimpl.UnknownFields
+	sizeCache         protoimpl.SizeCache
 }
 
 func (x *ChainSegmentsTask) Reset() {
 	*x = ChainSegmentsTask{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -277,7 +355,7 @@ func (x *ChainSegmentsTask) String() string {
 func (*ChainSegmentsTask) ProtoMessage() {}
 
 func (x *ChainSegmentsTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[3]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -290,7 +368,7 @@ func (x *ChainSegmentsTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ChainSegmentsTask.ProtoReflect.Descriptor instead.
 func (*ChainSegmentsTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{3}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{4}
 }
 
 func (x *ChainSegmentsTask) GetRound() uint32 {
@@ -305,6 +383,13 @@ func (x *ChainSegmentsTask) GetGroups() []*ChainGroupState {
 		return x.Groups
 	}
 	return nil
+}
+
+func (x *ChainSegmentsTask) GetDirectFirstSample() uint64 {
+	if x != nil {
+		return x.DirectFirstSample
+	}
+	return 0
 }
 
 // Traces independent paths (INTEGRATOR_PATH, INTEGRATOR_BDPT). Segment s covers blocks
@@ -327,7 +412,7 @@ type PathSegmentsTask struct {
 
 func (x *PathSegmentsTask) Reset() {
 	*x = PathSegmentsTask{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -339,7 +424,7 @@ func (x *PathSegmentsTask) String() string {
 func (*PathSegmentsTask) ProtoMessage() {}
 
 func (x *PathSegmentsTask) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[4]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -352,7 +437,7 @@ func (x *PathSegmentsTask) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use PathSegmentsTask.ProtoReflect.Descriptor instead.
 func (*PathSegmentsTask) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{4}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *PathSegmentsTask) GetRound() uint32 {
@@ -393,9 +478,9 @@ type Task struct {
 	// The job.
 	JobId string `protobuf:"bytes,3,opt,name=job_id,json=jobId,proto3" json:"job_id,omitempty"`
 	// The scene.
-	Scene *v1.SceneRef `protobuf:"bytes,4,opt,name=scene,proto3" json:"scene,omitempty"`
+	Scene *v11.SceneRef `protobuf:"bytes,4,opt,name=scene,proto3" json:"scene,omitempty"`
 	// The resolved spec. Before it is complete (InspectTask, BootstrapTask) later fields are unset.
-	Spec *v11.ResolvedSpec `protobuf:"bytes,5,opt,name=spec,proto3" json:"spec,omitempty"`
+	Spec *v1.ResolvedSpec `protobuf:"bytes,5,opt,name=spec,proto3" json:"spec,omitempty"`
 	// What to do.
 	//
 	// Types that are valid to be assigned to Work:
@@ -404,6 +489,7 @@ type Task struct {
 	//	*Task_Bootstrap
 	//	*Task_Chains
 	//	*Task_Paths
+	//	*Task_KernelTrials
 	Work          isTask_Work `protobuf_oneof:"work"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -411,7 +497,7 @@ type Task struct {
 
 func (x *Task) Reset() {
 	*x = Task{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -423,7 +509,7 @@ func (x *Task) String() string {
 func (*Task) ProtoMessage() {}
 
 func (x *Task) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[5]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -436,7 +522,7 @@ func (x *Task) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Task.ProtoReflect.Descriptor instead.
 func (*Task) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{5}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *Task) GetTaskId() string {
@@ -460,14 +546,14 @@ func (x *Task) GetJobId() string {
 	return ""
 }
 
-func (x *Task) GetScene() *v1.SceneRef {
+func (x *Task) GetScene() *v11.SceneRef {
 	if x != nil {
 		return x.Scene
 	}
 	return nil
 }
 
-func (x *Task) GetSpec() *v11.ResolvedSpec {
+func (x *Task) GetSpec() *v1.ResolvedSpec {
 	if x != nil {
 		return x.Spec
 	}
@@ -517,6 +603,15 @@ func (x *Task) GetPaths() *PathSegmentsTask {
 	return nil
 }
 
+func (x *Task) GetKernelTrials() *KernelTrialsTask {
+	if x != nil {
+		if x, ok := x.Work.(*Task_KernelTrials); ok {
+			return x.KernelTrials
+		}
+	}
+	return nil
+}
+
 type isTask_Work interface {
 	isTask_Work()
 }
@@ -541,6 +636,11 @@ type Task_Paths struct {
 	Paths *PathSegmentsTask `protobuf:"bytes,9,opt,name=paths,proto3,oneof"`
 }
 
+type Task_KernelTrials struct {
+	// Try kernels.
+	KernelTrials *KernelTrialsTask `protobuf:"bytes,10,opt,name=kernel_trials,json=kernelTrials,proto3,oneof"`
+}
+
 func (*Task_Inspect) isTask_Work() {}
 
 func (*Task_Bootstrap) isTask_Work() {}
@@ -548,6 +648,8 @@ func (*Task_Bootstrap) isTask_Work() {}
 func (*Task_Chains) isTask_Work() {}
 
 func (*Task_Paths) isTask_Work() {}
+
+func (*Task_KernelTrials) isTask_Work() {}
 
 // Names a task as the worker holds it.
 type LeaseRef struct {
@@ -562,7 +664,7 @@ type LeaseRef struct {
 
 func (x *LeaseRef) Reset() {
 	*x = LeaseRef{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -574,7 +676,7 @@ func (x *LeaseRef) String() string {
 func (*LeaseRef) ProtoMessage() {}
 
 func (x *LeaseRef) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[6]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -587,7 +689,7 @@ func (x *LeaseRef) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LeaseRef.ProtoReflect.Descriptor instead.
 func (*LeaseRef) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{6}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *LeaseRef) GetTaskId() string {
@@ -621,7 +723,7 @@ type Anomaly struct {
 
 func (x *Anomaly) Reset() {
 	*x = Anomaly{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -633,7 +735,7 @@ func (x *Anomaly) String() string {
 func (*Anomaly) ProtoMessage() {}
 
 func (x *Anomaly) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[7]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -646,7 +748,7 @@ func (x *Anomaly) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Anomaly.ProtoReflect.Descriptor instead.
 func (*Anomaly) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{7}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *Anomaly) GetKind() AnomalyKind {
@@ -717,7 +819,7 @@ type SegmentCounts struct {
 
 func (x *SegmentCounts) Reset() {
 	*x = SegmentCounts{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -729,7 +831,7 @@ func (x *SegmentCounts) String() string {
 func (*SegmentCounts) ProtoMessage() {}
 
 func (x *SegmentCounts) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[8]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -742,7 +844,7 @@ func (x *SegmentCounts) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SegmentCounts.ProtoReflect.Descriptor instead.
 func (*SegmentCounts) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{8}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *SegmentCounts) GetMutations() uint64 {
@@ -865,7 +967,7 @@ type LargeStepSums struct {
 
 func (x *LargeStepSums) Reset() {
 	*x = LargeStepSums{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -877,7 +979,7 @@ func (x *LargeStepSums) String() string {
 func (*LargeStepSums) ProtoMessage() {}
 
 func (x *LargeStepSums) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[9]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -890,7 +992,7 @@ func (x *LargeStepSums) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LargeStepSums.ProtoReflect.Descriptor instead.
 func (*LargeStepSums) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{9}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{10}
 }
 
 func (x *LargeStepSums) GetCount() uint64 {
@@ -935,7 +1037,7 @@ type SegmentResult struct {
 
 func (x *SegmentResult) Reset() {
 	*x = SegmentResult{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -947,7 +1049,7 @@ func (x *SegmentResult) String() string {
 func (*SegmentResult) ProtoMessage() {}
 
 func (x *SegmentResult) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[10]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -960,7 +1062,7 @@ func (x *SegmentResult) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SegmentResult.ProtoReflect.Descriptor instead.
 func (*SegmentResult) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{10}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{11}
 }
 
 func (x *SegmentResult) GetSegment() uint32 {
@@ -1008,7 +1110,8 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 // Announces a sealed film.
 //
 // The film has full-resolution planes and low-resolution planes. With L layers (chains: layer 0 is
-// weighted by the chains, layer 1 holds the large steps; PATH and BDPT: one layer), full plane h * L + l is
+// weighted by the chains, layer 1 holds the large steps, and with direct light apart layer 2 holds
+// that, in units of 4096 ResolvedSpec.unit; PATH and BDPT: one layer), full plane h * L + l is
 // half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, over cells of
 // ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells: each splat counts once, in the cell that
 // its raster position falls into, without the filter; splats outside the image do not count. Each plane has 3 channels (R, G, B)
@@ -1040,7 +1143,7 @@ type BatchHeader struct {
 
 func (x *BatchHeader) Reset() {
 	*x = BatchHeader{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1052,7 +1155,7 @@ func (x *BatchHeader) String() string {
 func (*BatchHeader) ProtoMessage() {}
 
 func (x *BatchHeader) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[11]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1065,7 +1168,7 @@ func (x *BatchHeader) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use BatchHeader.ProtoReflect.Descriptor instead.
 func (*BatchHeader) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{11}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{12}
 }
 
 func (x *BatchHeader) GetJobId() string {
@@ -1138,7 +1241,7 @@ type Tile struct {
 
 func (x *Tile) Reset() {
 	*x = Tile{}
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[13]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1150,7 +1253,7 @@ func (x *Tile) String() string {
 func (*Tile) ProtoMessage() {}
 
 func (x *Tile) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[12]
+	mi := &file_metrofarm_farm_v1_task_proto_msgTypes[13]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1163,7 +1266,7 @@ func (x *Tile) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Tile.ProtoReflect.Descriptor instead.
 func (*Tile) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{12}
+	return file_metrofarm_farm_v1_task_proto_rawDescGZIP(), []int{13}
 }
 
 func (x *Tile) GetLow() bool {
@@ -1206,25 +1309,31 @@ var File_metrofarm_farm_v1_task_proto protoreflect.FileDescriptor
 const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\n" +
 	"\x1cmetrofarm/farm/v1/task.proto\x12\x11metrofarm.farm.v1\x1a\x1bmetrofarm/job/v1/spec.proto\x1a\x1emetrofarm/scene/v1/scene.proto\"\r\n" +
-	"\vInspectTask\"F\n" +
+	"\vInspectTask\"c\n" +
 	"\rBootstrapTask\x12\x1f\n" +
 	"\vfirst_index\x18\x01 \x01(\x04R\n" +
 	"firstIndex\x12\x14\n" +
-	"\x05count\x18\x02 \x01(\rR\x05count\"\x81\x01\n" +
+	"\x05count\x18\x02 \x01(\rR\x05count\x12\x1b\n" +
+	"\twants_map\x18\x03 \x01(\bR\bwantsMap\"\x9e\x01\n" +
+	"\x10KernelTrialsTask\x122\n" +
+	"\akernels\x18\x01 \x03(\v2\x18.metrofarm.job.v1.KernelR\akernels\x12\x1c\n" +
+	"\tmutations\x18\x02 \x01(\x04R\tmutations\x128\n" +
+	"\x05group\x18\x03 \x01(\v2\".metrofarm.farm.v1.ChainGroupStateR\x05group\"\x81\x01\n" +
 	"\x0fChainGroupState\x12\x14\n" +
 	"\x05group\x18\x01 \x01(\rR\x05group\x12\x14\n" +
 	"\x05state\x18\x02 \x01(\fR\x05state\x12!\n" +
 	"\fseed_indices\x18\x03 \x03(\x04R\vseedIndices\x12\x1f\n" +
 	"\vseed_values\x18\x04 \x03(\x02R\n" +
-	"seedValues\"e\n" +
+	"seedValues\"\x95\x01\n" +
 	"\x11ChainSegmentsTask\x12\x14\n" +
 	"\x05round\x18\x01 \x01(\rR\x05round\x12:\n" +
-	"\x06groups\x18\x02 \x03(\v2\".metrofarm.farm.v1.ChainGroupStateR\x06groups\"\x95\x01\n" +
+	"\x06groups\x18\x02 \x03(\v2\".metrofarm.farm.v1.ChainGroupStateR\x06groups\x12.\n" +
+	"\x13direct_first_sample\x18\x03 \x01(\x04R\x11directFirstSample\"\x95\x01\n" +
 	"\x10PathSegmentsTask\x12\x14\n" +
 	"\x05round\x18\x01 \x01(\rR\x05round\x12#\n" +
 	"\rfirst_segment\x18\x02 \x01(\rR\ffirstSegment\x12#\n" +
 	"\rsegment_count\x18\x03 \x01(\rR\fsegmentCount\x12!\n" +
-	"\ffirst_sample\x18\x04 \x01(\x04R\vfirstSample\"\xb7\x03\n" +
+	"\ffirst_sample\x18\x04 \x01(\x04R\vfirstSample\"\x83\x04\n" +
 	"\x04Task\x12\x17\n" +
 	"\atask_id\x18\x01 \x01(\tR\x06taskId\x12\x14\n" +
 	"\x05epoch\x18\x02 \x01(\x04R\x05epoch\x12\x15\n" +
@@ -1234,7 +1343,9 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\ainspect\x18\x06 \x01(\v2\x1e.metrofarm.farm.v1.InspectTaskH\x00R\ainspect\x12@\n" +
 	"\tbootstrap\x18\a \x01(\v2 .metrofarm.farm.v1.BootstrapTaskH\x00R\tbootstrap\x12>\n" +
 	"\x06chains\x18\b \x01(\v2$.metrofarm.farm.v1.ChainSegmentsTaskH\x00R\x06chains\x12;\n" +
-	"\x05paths\x18\t \x01(\v2#.metrofarm.farm.v1.PathSegmentsTaskH\x00R\x05pathsB\x06\n" +
+	"\x05paths\x18\t \x01(\v2#.metrofarm.farm.v1.PathSegmentsTaskH\x00R\x05paths\x12J\n" +
+	"\rkernel_trials\x18\n" +
+	" \x01(\v2#.metrofarm.farm.v1.KernelTrialsTaskH\x00R\fkernelTrialsB\x06\n" +
 	"\x04work\"9\n" +
 	"\bLeaseRef\x12\x17\n" +
 	"\atask_id\x18\x01 \x01(\tR\x06taskId\x12\x14\n" +
@@ -1311,44 +1422,49 @@ func file_metrofarm_farm_v1_task_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_farm_v1_task_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_metrofarm_farm_v1_task_proto_msgTypes = make([]protoimpl.MessageInfo, 13)
+var file_metrofarm_farm_v1_task_proto_msgTypes = make([]protoimpl.MessageInfo, 14)
 var file_metrofarm_farm_v1_task_proto_goTypes = []any{
 	(AnomalyKind)(0),          // 0: metrofarm.farm.v1.AnomalyKind
 	(*InspectTask)(nil),       // 1: metrofarm.farm.v1.InspectTask
 	(*BootstrapTask)(nil),     // 2: metrofarm.farm.v1.BootstrapTask
-	(*ChainGroupState)(nil),   // 3: metrofarm.farm.v1.ChainGroupState
-	(*ChainSegmentsTask)(nil), // 4: metrofarm.farm.v1.ChainSegmentsTask
-	(*PathSegmentsTask)(nil),  // 5: metrofarm.farm.v1.PathSegmentsTask
-	(*Task)(nil),              // 6: metrofarm.farm.v1.Task
-	(*LeaseRef)(nil),          // 7: metrofarm.farm.v1.LeaseRef
-	(*Anomaly)(nil),           // 8: metrofarm.farm.v1.Anomaly
-	(*SegmentCounts)(nil),     // 9: metrofarm.farm.v1.SegmentCounts
-	(*LargeStepSums)(nil),     // 10: metrofarm.farm.v1.LargeStepSums
-	(*SegmentResult)(nil),     // 11: metrofarm.farm.v1.SegmentResult
-	(*BatchHeader)(nil),       // 12: metrofarm.farm.v1.BatchHeader
-	(*Tile)(nil),              // 13: metrofarm.farm.v1.Tile
-	(*v1.SceneRef)(nil),       // 14: metrofarm.scene.v1.SceneRef
-	(*v11.ResolvedSpec)(nil),  // 15: metrofarm.job.v1.ResolvedSpec
+	(*KernelTrialsTask)(nil),  // 3: metrofarm.farm.v1.KernelTrialsTask
+	(*ChainGroupState)(nil),   // 4: metrofarm.farm.v1.ChainGroupState
+	(*ChainSegmentsTask)(nil), // 5: metrofarm.farm.v1.ChainSegmentsTask
+	(*PathSegmentsTask)(nil),  // 6: metrofarm.farm.v1.PathSegmentsTask
+	(*Task)(nil),              // 7: metrofarm.farm.v1.Task
+	(*LeaseRef)(nil),          // 8: metrofarm.farm.v1.LeaseRef
+	(*Anomaly)(nil),           // 9: metrofarm.farm.v1.Anomaly
+	(*SegmentCounts)(nil),     // 10: metrofarm.farm.v1.SegmentCounts
+	(*LargeStepSums)(nil),     // 11: metrofarm.farm.v1.LargeStepSums
+	(*SegmentResult)(nil),     // 12: metrofarm.farm.v1.SegmentResult
+	(*BatchHeader)(nil),       // 13: metrofarm.farm.v1.BatchHeader
+	(*Tile)(nil),              // 14: metrofarm.farm.v1.Tile
+	(*v1.Kernel)(nil),         // 15: metrofarm.job.v1.Kernel
+	(*v11.SceneRef)(nil),      // 16: metrofarm.scene.v1.SceneRef
+	(*v1.ResolvedSpec)(nil),   // 17: metrofarm.job.v1.ResolvedSpec
 }
 var file_metrofarm_farm_v1_task_proto_depIdxs = []int32{
-	3,  // 0: metrofarm.farm.v1.ChainSegmentsTask.groups:type_name -> metrofarm.farm.v1.ChainGroupState
-	14, // 1: metrofarm.farm.v1.Task.scene:type_name -> metrofarm.scene.v1.SceneRef
-	15, // 2: metrofarm.farm.v1.Task.spec:type_name -> metrofarm.job.v1.ResolvedSpec
-	1,  // 3: metrofarm.farm.v1.Task.inspect:type_name -> metrofarm.farm.v1.InspectTask
-	2,  // 4: metrofarm.farm.v1.Task.bootstrap:type_name -> metrofarm.farm.v1.BootstrapTask
-	4,  // 5: metrofarm.farm.v1.Task.chains:type_name -> metrofarm.farm.v1.ChainSegmentsTask
-	5,  // 6: metrofarm.farm.v1.Task.paths:type_name -> metrofarm.farm.v1.PathSegmentsTask
-	0,  // 7: metrofarm.farm.v1.Anomaly.kind:type_name -> metrofarm.farm.v1.AnomalyKind
-	7,  // 8: metrofarm.farm.v1.SegmentResult.lease:type_name -> metrofarm.farm.v1.LeaseRef
-	9,  // 9: metrofarm.farm.v1.SegmentResult.counts:type_name -> metrofarm.farm.v1.SegmentCounts
-	10, // 10: metrofarm.farm.v1.SegmentResult.large_step_sums:type_name -> metrofarm.farm.v1.LargeStepSums
-	11, // 11: metrofarm.farm.v1.BatchHeader.segments:type_name -> metrofarm.farm.v1.SegmentResult
-	8,  // 12: metrofarm.farm.v1.BatchHeader.anomalies:type_name -> metrofarm.farm.v1.Anomaly
-	13, // [13:13] is the sub-list for method output_type
-	13, // [13:13] is the sub-list for method input_type
-	13, // [13:13] is the sub-list for extension type_name
-	13, // [13:13] is the sub-list for extension extendee
-	0,  // [0:13] is the sub-list for field type_name
+	15, // 0: metrofarm.farm.v1.KernelTrialsTask.kernels:type_name -> metrofarm.job.v1.Kernel
+	4,  // 1: metrofarm.farm.v1.KernelTrialsTask.group:type_name -> metrofarm.farm.v1.ChainGroupState
+	4,  // 2: metrofarm.farm.v1.ChainSegmentsTask.groups:type_name -> metrofarm.farm.v1.ChainGroupState
+	16, // 3: metrofarm.farm.v1.Task.scene:type_name -> metrofarm.scene.v1.SceneRef
+	17, // 4: metrofarm.farm.v1.Task.spec:type_name -> metrofarm.job.v1.ResolvedSpec
+	1,  // 5: metrofarm.farm.v1.Task.inspect:type_name -> metrofarm.farm.v1.InspectTask
+	2,  // 6: metrofarm.farm.v1.Task.bootstrap:type_name -> metrofarm.farm.v1.BootstrapTask
+	5,  // 7: metrofarm.farm.v1.Task.chains:type_name -> metrofarm.farm.v1.ChainSegmentsTask
+	6,  // 8: metrofarm.farm.v1.Task.paths:type_name -> metrofarm.farm.v1.PathSegmentsTask
+	3,  // 9: metrofarm.farm.v1.Task.kernel_trials:type_name -> metrofarm.farm.v1.KernelTrialsTask
+	0,  // 10: metrofarm.farm.v1.Anomaly.kind:type_name -> metrofarm.farm.v1.AnomalyKind
+	8,  // 11: metrofarm.farm.v1.SegmentResult.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	10, // 12: metrofarm.farm.v1.SegmentResult.counts:type_name -> metrofarm.farm.v1.SegmentCounts
+	11, // 13: metrofarm.farm.v1.SegmentResult.large_step_sums:type_name -> metrofarm.farm.v1.LargeStepSums
+	12, // 14: metrofarm.farm.v1.BatchHeader.segments:type_name -> metrofarm.farm.v1.SegmentResult
+	9,  // 15: metrofarm.farm.v1.BatchHeader.anomalies:type_name -> metrofarm.farm.v1.Anomaly
+	16, // [16:16] is the sub-list for method output_type
+	16, // [16:16] is the sub-list for method input_type
+	16, // [16:16] is the sub-list for extension type_name
+	16, // [16:16] is the sub-list for extension extendee
+	0,  // [0:16] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_farm_v1_task_proto_init() }
@@ -1356,11 +1472,12 @@ func file_metrofarm_farm_v1_task_proto_init() {
 	if File_metrofarm_farm_v1_task_proto != nil {
 		return
 	}
-	file_metrofarm_farm_v1_task_proto_msgTypes[5].OneofWrappers = []any{
+	file_metrofarm_farm_v1_task_proto_msgTypes[6].OneofWrappers = []any{
 		(*Task_Inspect)(nil),
 		(*Task_Bootstrap)(nil),
 		(*Task_Chains)(nil),
 		(*Task_Paths)(nil),
+		(*Task_KernelTrials)(nil),
 	}
 	type x struct{}
 	out := protoimpl.TypeBuilder{
@@ -1368,7 +1485,7 @@ func file_metrofarm_farm_v1_task_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_task_proto_rawDesc), len(file_metrofarm_farm_v1_task_proto_rawDesc)),
 			NumEnums:      1,
-			NumMessages:   13,
+			NumMessages:   14,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

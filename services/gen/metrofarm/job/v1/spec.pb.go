@@ -795,7 +795,16 @@ type ResolvedSpec struct {
 	LengthProbabilities []float64 `protobuf:"fixed64,20,rep,packed,name=length_probabilities,json=lengthProbabilities,proto3" json:"length_probabilities,omitempty"`
 	// Why `auto` chose the integrator; absent where it was asked for. No part of what decides the
 	// image.
-	AutoDecision  *AutoDecision `protobuf:"bytes,21,opt,name=auto_decision,json=autoDecision,proto3" json:"auto_decision,omitempty"`
+	AutoDecision *AutoDecision `protobuf:"bytes,21,opt,name=auto_decision,json=autoDecision,proto3" json:"auto_decision,omitempty"`
+	// Direct light apart (chains): samples per pixel that each round adds of the light that reaches
+	// the camera over at most one bounce, by stratified path tracing into a layer of its own. The
+	// chains carry paths of three edges and more. Even numbers, one for each of round_sizes; empty:
+	// the chains carry everything.
+	DirectSizes []uint64 `protobuf:"varint,22,rep,packed,name=direct_sizes,json=directSizes,proto3" json:"direct_sizes,omitempty"`
+	// Equalized target (chains); absent: f is the luminance of what a sample brings back.
+	TargetMap *TargetMap `protobuf:"bytes,23,opt,name=target_map,json=targetMap,proto3" json:"target_map,omitempty"`
+	// Why the kernel has its size; absent where it was not tuned. No part of what decides the image.
+	KernelTuning  *KernelTuning `protobuf:"bytes,24,opt,name=kernel_tuning,json=kernelTuning,proto3" json:"kernel_tuning,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -977,6 +986,148 @@ func (x *ResolvedSpec) GetAutoDecision() *AutoDecision {
 	return nil
 }
 
+func (x *ResolvedSpec) GetDirectSizes() []uint64 {
+	if x != nil {
+		return x.DirectSizes
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetTargetMap() *TargetMap {
+	if x != nil {
+		return x.TargetMap
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetKernelTuning() *KernelTuning {
+	if x != nil {
+		return x.KernelTuning
+	}
+	return nil
+}
+
+// Divides the target: f is the sum, over a sample's splats, of luminance by the map's value at the
+// splat's raster position, so that chains seek equal relative error all over the image.
+type TargetMap struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Columns, and rows, of cells that cover the image, 1 to 64. Values belong to the cells' centres;
+	// in between they are interpolated bilinearly, beyond them constant.
+	Side uint32 `protobuf:"varint,1,opt,name=side,proto3" json:"side,omitempty"`
+	// Row by row from the top, side * side of them in (0, 1], the largest 1.
+	Values        []float32 `protobuf:"fixed32,2,rep,packed,name=values,proto3" json:"values,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *TargetMap) Reset() {
+	*x = TargetMap{}
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *TargetMap) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*TargetMap) ProtoMessage() {}
+
+func (x *TargetMap) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use TargetMap.ProtoReflect.Descriptor instead.
+func (*TargetMap) Descriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{3}
+}
+
+func (x *TargetMap) GetSide() uint32 {
+	if x != nil {
+		return x.Side
+	}
+	return 0
+}
+
+func (x *TargetMap) GetValues() []float32 {
+	if x != nil {
+		return x.Values
+	}
+	return nil
+}
+
+// The pilot that chose the size of the small steps.
+type KernelTuning struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Factor of the kernel's default lengths in each trial, ascending.
+	Factors []float64 `protobuf:"fixed64,1,rep,packed,name=factors,proto3" json:"factors,omitempty"`
+	// Share of small steps that were accepted in each trial.
+	Acceptances []float64 `protobuf:"fixed64,2,rep,packed,name=acceptances,proto3" json:"acceptances,omitempty"`
+	// The rule that decided, in words.
+	Reason        string `protobuf:"bytes,3,opt,name=reason,proto3" json:"reason,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *KernelTuning) Reset() {
+	*x = KernelTuning{}
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *KernelTuning) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*KernelTuning) ProtoMessage() {}
+
+func (x *KernelTuning) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use KernelTuning.ProtoReflect.Descriptor instead.
+func (*KernelTuning) Descriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *KernelTuning) GetFactors() []float64 {
+	if x != nil {
+		return x.Factors
+	}
+	return nil
+}
+
+func (x *KernelTuning) GetAcceptances() []float64 {
+	if x != nil {
+		return x.Acceptances
+	}
+	return nil
+}
+
+func (x *KernelTuning) GetReason() string {
+	if x != nil {
+		return x.Reason
+	}
+	return ""
+}
+
 // What `auto` measured, by counts alone, and what it chose.
 type AutoDecision struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -996,7 +1147,7 @@ type AutoDecision struct {
 
 func (x *AutoDecision) Reset() {
 	*x = AutoDecision{}
-	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1008,7 +1159,7 @@ func (x *AutoDecision) String() string {
 func (*AutoDecision) ProtoMessage() {}
 
 func (x *AutoDecision) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[3]
+	mi := &file_metrofarm_job_v1_spec_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1021,7 +1172,7 @@ func (x *AutoDecision) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use AutoDecision.ProtoReflect.Descriptor instead.
 func (*AutoDecision) Descriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{3}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *AutoDecision) GetPilotSamples() uint64 {
@@ -1081,7 +1232,7 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x0facceptance_rule\x18\x05 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
 	"\x11after_large_steps\x18\x06 \x01(\bR\x0fafterLargeSteps\x12\x1f\n" +
 	"\vlocal_scale\x18\a \x01(\x01R\n" +
-	"localScale\"\xd0\a\n" +
+	"localScale\"\xf4\b\n" +
 	"\fResolvedSpec\x12<\n" +
 	"\n" +
 	"integrator\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.IntegratorR\n" +
@@ -1108,7 +1259,18 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\rlayer_weights\x18\x12 \x01(\x0e2\x1e.metrofarm.job.v1.LayerWeightsR\flayerWeights\x12X\n" +
 	"\x14technique_coordinate\x18\x13 \x01(\x0e2%.metrofarm.job.v1.TechniqueCoordinateR\x13techniqueCoordinate\x121\n" +
 	"\x14length_probabilities\x18\x14 \x03(\x01R\x13lengthProbabilities\x12C\n" +
-	"\rauto_decision\x18\x15 \x01(\v2\x1e.metrofarm.job.v1.AutoDecisionR\fautoDecision\"\xb4\x01\n" +
+	"\rauto_decision\x18\x15 \x01(\v2\x1e.metrofarm.job.v1.AutoDecisionR\fautoDecision\x12!\n" +
+	"\fdirect_sizes\x18\x16 \x03(\x04R\vdirectSizes\x12:\n" +
+	"\n" +
+	"target_map\x18\x17 \x01(\v2\x1b.metrofarm.job.v1.TargetMapR\ttargetMap\x12C\n" +
+	"\rkernel_tuning\x18\x18 \x01(\v2\x1e.metrofarm.job.v1.KernelTuningR\fkernelTuning\"7\n" +
+	"\tTargetMap\x12\x12\n" +
+	"\x04side\x18\x01 \x01(\rR\x04side\x12\x16\n" +
+	"\x06values\x18\x02 \x03(\x02R\x06values\"b\n" +
+	"\fKernelTuning\x12\x18\n" +
+	"\afactors\x18\x01 \x03(\x01R\afactors\x12 \n" +
+	"\vacceptances\x18\x02 \x03(\x01R\vacceptances\x12\x16\n" +
+	"\x06reason\x18\x03 \x01(\tR\x06reason\"\xb4\x01\n" +
 	"\fAutoDecision\x12#\n" +
 	"\rpilot_samples\x18\x01 \x01(\x04R\fpilotSamples\x12+\n" +
 	"\x11relative_variance\x18\x02 \x01(\x01R\x10relativeVariance\x12\x1d\n" +
@@ -1178,7 +1340,7 @@ func file_metrofarm_job_v1_spec_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 9)
-var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 4)
+var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
 var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(Integrator)(0),          // 0: metrofarm.job.v1.Integrator
 	(Under)(0),               // 1: metrofarm.job.v1.Under
@@ -1192,7 +1354,9 @@ var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(*Kernel)(nil),           // 9: metrofarm.job.v1.Kernel
 	(*DelayedRejection)(nil), // 10: metrofarm.job.v1.DelayedRejection
 	(*ResolvedSpec)(nil),     // 11: metrofarm.job.v1.ResolvedSpec
-	(*AutoDecision)(nil),     // 12: metrofarm.job.v1.AutoDecision
+	(*TargetMap)(nil),        // 12: metrofarm.job.v1.TargetMap
+	(*KernelTuning)(nil),     // 13: metrofarm.job.v1.KernelTuning
+	(*AutoDecision)(nil),     // 14: metrofarm.job.v1.AutoDecision
 }
 var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	3,  // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
@@ -1206,12 +1370,14 @@ var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	10, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
 	7,  // 9: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
 	8,  // 10: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
-	12, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
-	12, // [12:12] is the sub-list for method output_type
-	12, // [12:12] is the sub-list for method input_type
-	12, // [12:12] is the sub-list for extension type_name
-	12, // [12:12] is the sub-list for extension extendee
-	0,  // [0:12] is the sub-list for field type_name
+	14, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
+	12, // 12: metrofarm.job.v1.ResolvedSpec.target_map:type_name -> metrofarm.job.v1.TargetMap
+	13, // 13: metrofarm.job.v1.ResolvedSpec.kernel_tuning:type_name -> metrofarm.job.v1.KernelTuning
+	14, // [14:14] is the sub-list for method output_type
+	14, // [14:14] is the sub-list for method input_type
+	14, // [14:14] is the sub-list for extension type_name
+	14, // [14:14] is the sub-list for extension extendee
+	0,  // [0:14] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_job_v1_spec_proto_init() }
@@ -1225,7 +1391,7 @@ func file_metrofarm_job_v1_spec_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_job_v1_spec_proto_rawDesc), len(file_metrofarm_job_v1_spec_proto_rawDesc)),
 			NumEnums:      9,
-			NumMessages:   4,
+			NumMessages:   6,
 			NumExtensions: 0,
 			NumServices:   0,
 		},
