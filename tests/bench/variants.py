@@ -27,6 +27,8 @@ def ours(name: str, *words: str) -> Variant:
 
 DELAYED = ("--delayed-rejection", "on")
 PLAIN = ("--delayed-rejection", "off")
+# Equal relative error all over the image, light that bounces at most once apart.
+EQUALIZED = ("--target", "equalized", "--direct-apart", "on")
 
 VARIANTS = [
     Variant("mitsuba-scalar", mitsuba="scalar_rgb"),
@@ -41,6 +43,11 @@ VARIANTS = [
     ours("pssmlt-bdpt-dr", "pssmlt", "--under", "bdpt", *DELAYED),
     ours("mmlt", "mmlt", *PLAIN),
     ours("mmlt-dr", "mmlt", *DELAYED),
+    ours("pssmlt-eq", "pssmlt", *EQUALIZED),
+    ours("pssmlt-eq-dr", "pssmlt", *EQUALIZED, *DELAYED),
+    ours("pssmlt-bdpt-eq", "pssmlt", "--under", "bdpt", *EQUALIZED),
+    ours("mmlt-eq", "mmlt", *EQUALIZED),
+    ours("mmlt-eq-dr", "mmlt", *EQUALIZED, *DELAYED),
 ]
 
 

@@ -25,7 +25,9 @@ ChainPack::ChainPack(const ChainPackConfig& config, Target& target)
     : delayed_(config.moves.delayed_rejection()),
       scales_{static_cast<float>(config.moves.kernel().large_step_probability * config.unit),
               static_cast<float>(config.moves.kernel().large_step_probability), config.weights},
-      large_step_probability_(static_cast<float>(config.moves.kernel().large_step_probability)),
+      large_end_(static_cast<float>(config.moves.kernel().large_step_probability)),
+      eye_end_(large_end_ + static_cast<float>(config.moves.kernel().eye_step_probability)),
+      light_end_(eye_end_ + static_cast<float>(config.moves.kernel().light_step_probability)),
       inverse_unit_(static_cast<float>(1 / config.unit)),
       target_(target),
       sample_(config.key, consecutive(config.first_chain), config.moves) {}
@@ -37,8 +39,8 @@ void ChainPack::advance(uint64_t n) {
 void ChainPack::iterate() {
   const Coins coins = sample_.begin(iteration_++);
   Outcome o;
-  o.large = coins.large < Float(large_step_probability_);
-  sample_.set_large(o.large);
+  o.steps = steps_of(coins.step);
+  sample_.set_steps(o.steps);
   o.f_y = evaluate(Stage::kFirst, all_lanes());
   o.first_acceptance = metropolis_acceptance(f_, o.f_y);
   o.first = coins.acceptance < o.first_acceptance;
@@ -47,6 +49,14 @@ void ChainPack::iterate() {
   if (delayed_.enabled()) try_second(o, coins.second);
   move(o);
   observe(o);
+}
+
+// The coin does not look at the state, so each kind of step may be reversible by itself.
+Steps ChainPack::steps_of(Float coin) const {
+  const Mask large = coin < Float(large_end_);
+  const Mask eye = ~large & (coin < Float(eye_end_));
+  const Mask light = ~large & ~eye & (coin < Float(light_end_));
+  return {large, eye, light};
 }
 
 // f at a stage's point; the payload of the reverse proposal takes the first one's place, which has
@@ -61,7 +71,7 @@ Float ChainPack::evaluate(Stage stage, Mask lanes) {
 void ChainPack::record_proposal(const Outcome& o) {
   const Layer layer =
       scales_.weights == LayerWeights::kTwoLayer ? Layer::kLargeStep : Layer::kChain;
-  const Mask independent = o.large & (o.f_y > Float(0.F));
+  const Mask independent = o.steps.large & (o.f_y > Float(0.F));
   if (any(independent))
     target_.record(Which::kProposal, layer, scales_.large_step(o.f_y), independent,
                    serial_ + kLargeStep);
@@ -71,8 +81,8 @@ void ChainPack::record_proposal(const Outcome& o) {
 }
 
 Mask ChainPack::wants_second(const Outcome& o) const {
-  const Mask after_small = delayed_.move == SecondMove::kNone ? no_lanes() : ~o.large;
-  const Mask after_large = delayed_.after_large_steps ? o.large : no_lanes();
+  const Mask after_small = delayed_.move == SecondMove::kNone ? no_lanes() : o.steps.small();
+  const Mask after_large = delayed_.after_large_steps ? o.steps.large : no_lanes();
   return ~o.first & (after_small | after_large);
 }
 
@@ -88,7 +98,7 @@ void ChainPack::try_second(Outcome& o, Float coin) {
 // depend on x or z, and the local move between them is symmetric.
 Float ChainPack::judge_second(const Outcome& o) {
   Float f_reverse = o.f_y, ratio(1.F);
-  const Mask small = o.second_tried & ~o.large;
+  const Mask small = o.second_tried & o.steps.small();
   if (delayed_.rule == AcceptanceRule::kTierneyMira && any(small))
     ratio = select(small, xsimd::exp(sample_.log_ratio()), ratio);
   // Without light at z there is nothing that f at the reverse proposal could decide.
@@ -121,11 +131,12 @@ void ChainPack::move(const Outcome& o) {
 }
 
 void ChainPack::observe(const Outcome& o) {
-  const uint32_t large = bits(o.large), small = ~large & 0xffU;
+  const uint32_t large = bits(o.steps.large), small = bits(o.steps.small());
   const uint32_t first = bits(o.first);
   counts_.mutations += kLanes;
   counts_.large.add(large, first);
   counts_.small.add(small, first);
+  counts_.subpath.add(bits(o.steps.subpath()), first);
   if (any(o.second_tried)) {
     const uint32_t tried = bits(o.second_tried), second = bits(o.second);
     counts_.second_after_large.add(tried & large, second);

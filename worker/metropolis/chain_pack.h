@@ -40,6 +40,7 @@ struct ChainCounts {
   uint64_t evaluations = 0;  // of the target, one for each lane
   uint64_t pairs_read = 0;   // by all evaluations
   Tries large, small;
+  Tries subpath;
   Tries second_after_large, second_after_small;
 
   ChainCounts& operator+=(const ChainCounts& o) {
@@ -48,6 +49,7 @@ struct ChainCounts {
     pairs_read += o.pairs_read;
     large += o.large;
     small += o.small;
+    subpath += o.subpath;
     second_after_large += o.second_after_large;
     second_after_small += o.second_after_small;
     return *this;
@@ -91,7 +93,7 @@ class ChainPack {
  private:
   // What became of one iteration's proposals.
   struct Outcome {
-    Mask large = no_lanes();
+    Steps steps;
     Mask first = no_lanes();         // first proposal accepted
     Mask second_tried = no_lanes();  // never where first is set
     Mask second = no_lanes();        // second proposal accepted
@@ -102,6 +104,7 @@ class ChainPack {
   };
 
   void iterate();
+  Steps steps_of(Float coin) const;
   Float evaluate(Stage stage, Mask lanes);
   Mask wants_second(const Outcome& outcome) const;
   void try_second(Outcome& outcome, Float coin);
@@ -113,7 +116,8 @@ class ChainPack {
 
   const DelayedRejection& delayed_;
   LayerScales scales_;
-  float large_step_probability_;
+  // Upper ends of the coin's parts that mean a large, an eye and a light step.
+  float large_end_, eye_end_, light_end_;
   float inverse_unit_;
   Target& target_;
   MutatedSample sample_;

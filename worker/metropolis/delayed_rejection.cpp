@@ -8,6 +8,11 @@ namespace {
 std::optional<Error> problem_with_kernel(const Kernel& k) {
   if (!(k.large_step_probability > 0 && k.large_step_probability <= 1))
     return Error{"kernel.large_step_probability must lie in (0, 1]"};
+  const double eye = k.eye_step_probability, light = k.light_step_probability;
+  if (!(eye >= 0 && light >= 0 && k.large_step_probability + eye + light <= 1))
+    return Error{
+        "kernel.eye_step_probability and light_step_probability must not be negative, nor their "
+        "sum with large_step_probability above 1"};
   switch (k.kind) {
     case KernelKind::kGaussian:
       if (!(k.sigma > 0 && k.sigma < 0.25)) return Error{"kernel.sigma must lie in (0, 0.25)"};

@@ -19,6 +19,9 @@ struct Kernel {
   double large_step_probability = 0.3;
   double scale = 0.005;      // kWrappedCauchy: the unwrapped law's half width at half maximum
   double half_width = 0.01;  // kUniform: largest distance
+  // Steps that draw one subpath anew and keep the other.
+  double eye_step_probability = 0;
+  double light_step_probability = 0;
 };
 
 // Whether the law of a pair's displacement depends on its length alone.

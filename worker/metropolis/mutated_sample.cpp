@@ -54,14 +54,23 @@ FixedPair MutatedSample::start(const SlotState& s, const RngWords& w) const {
 void MutatedSample::propose(Slot slot, SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
   const FixedPair fresh{w[2], w[3]};
-  s.first =
-      all(large_) ? fresh : select(large_, fresh, moves_.first(slot, start(s, w), w[2], w[3]));
+  s.first = fresh;
+  if (all(steps_.large)) return;
+  const FixedPair x = start(s, w);
+  s.first = select(steps_.large, fresh, moves_.first(slot, x, w[2], w[3]));
+  const Mask subpath = steps_.subpath();
+  if (none(subpath)) return;
+  const primary_space::Stream stream = primary_space::stream_of(slot);
+  const Mask drawn = stream == primary_space::Stream::kEye     ? steps_.eye
+                     : stream == primary_space::Stream::kLight ? steps_.light
+                                                               : no_lanes();
+  s.first = select(subpath, select(drawn, fresh, x), s.first);
 }
 
 FixedPair MutatedSample::second(Slot slot, const SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
   const RngWords own = words(static_cast<uint32_t>(slot) | kSecondStage);
-  return moves_.second(slot, start(s, w), {w[2], w[3]}, own, large_);
+  return moves_.second(slot, start(s, w), {w[2], w[3]}, own, steps_.large);
 }
 
 FixedPair MutatedSample::reverse(Slot slot, const SlotState& s) const {

@@ -17,7 +17,7 @@ namespace metrofarm::metropolis {
 
 // What one iteration draws beside coordinates.
 struct Coins {
-  Float large;       // below the large-step probability: a large step
+  Float step;        // which kind of step
   Float acceptance;  // below the acceptance probability: accept
   Float second;      // the same of the second stage
 };
@@ -29,6 +29,16 @@ enum class Stage {
   kReverse  // z - (y - x), from which Green and Mira's rule judges z
 };
 
+// Which lanes take which step; the others a small one.
+struct Steps {
+  Mask large = no_lanes();  // draws every coordinate anew
+  Mask eye = no_lanes();    // draws the eye subpath's anew and keeps the others
+  Mask light = no_lanes();  // draws the light subpath's anew and keeps the others
+
+  Mask subpath() const { return eye | light; }
+  Mask small() const { return ~(large | eye | light); }
+};
+
 class MutatedSample final : public primary_space::SampleSource {
  public:
   // chain_ids: the chain of each lane; the key is that of the job's chains. `moves` outlives this.
@@ -36,8 +46,8 @@ class MutatedSample final : public primary_space::SampleSource {
 
   // Begins iteration number `iteration` (from 0), in its first stage, and returns its coins.
   Coins begin(uint64_t iteration);
-  // Says which lanes take a large step; before any pair is asked for.
-  void set_large(Mask large) { large_ = large; }
+  // Says which lanes take which step; before any pair is asked for.
+  void set_steps(const Steps& steps) { steps_ = steps; }
   void enter(Stage stage) { stage_ = stage; }
 
   primary_space::Pair pair(primary_space::Slot slot, Mask lanes) override;
@@ -84,7 +94,7 @@ class MutatedSample final : public primary_space::SampleSource {
   const Moves& moves_;
   UInt iteration_low_ = UInt(0U);
   UInt iteration_high_ = UInt(0U);
-  Mask large_ = no_lanes();
+  Steps steps_;
   Stage stage_ = Stage::kFirst;
   bool later_stages_ = false;     // have read something in this iteration
   std::vector<SlotState> slots_;  // grows with the longest path met

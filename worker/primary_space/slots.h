@@ -38,9 +38,19 @@ constexpr Slot light_slot(int vertex, Decision decision) {
   return vertex_slot(1, vertex, decision);
 }
 
+// Whose subpath a slot belongs to. Time and technique are shared by both.
+enum class Stream { kEye, kLight, kShared };
+
 // Multiplexed: .first chooses the path's length, .second its technique. An emitter scatters
 // nothing, so the slot is free.
 inline constexpr Slot kTechniqueSlot = light_slot(0, Decision::kLobe);
+
+constexpr Stream stream_of(Slot slot) {
+  if (slot == kTimeSlot || slot == kTechniqueSlot) return Stream::kShared;
+  if (slot < kFirstVertexSlot) return Stream::kEye;
+  const bool light = (slot - kFirstVertexSlot) / kDecisionsPerVertex % 2 == 1;
+  return light ? Stream::kLight : Stream::kEye;
+}
 
 // Paths without a depth limit end by Russian roulette; beyond this many edges they are cut (at a
 // survival probability of at most 0.95 per edge, fewer than one in 10^10 gets there).

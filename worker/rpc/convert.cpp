@@ -112,6 +112,8 @@ void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts
   counts.set_large_accepted(c.large_accepted);
   counts.set_small_steps(c.small_steps);
   counts.set_small_accepted(c.small_accepted);
+  counts.set_subpath_steps(c.subpath_steps);
+  counts.set_subpath_accepted(c.subpath_accepted);
   counts.set_second_stages(c.second_stages);
   counts.set_second_accepted(c.second_accepted);
   counts.set_second_after_large(c.second_after_large);

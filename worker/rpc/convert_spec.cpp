@@ -71,6 +71,8 @@ Result<metropolis::Kernel> to_kernel(const job::v1::Kernel& k) {
   kernel.scale = k.scale();
   kernel.half_width = k.half_width();
   kernel.large_step_probability = k.large_step_probability();
+  kernel.eye_step_probability = k.eye_step_probability();
+  kernel.light_step_probability = k.light_step_probability();
   return kernel;
 }
 

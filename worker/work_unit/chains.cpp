@@ -138,6 +138,8 @@ Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCos
   counts.large_accepted = chains.large.accepted;
   counts.small_steps = chains.small.tried;
   counts.small_accepted = chains.small.accepted;
+  counts.subpath_steps = chains.subpath.tried;
+  counts.subpath_accepted = chains.subpath.accepted;
   counts.second_stages = chains.second_after_small.tried;
   counts.second_accepted = chains.second_after_small.accepted;
   counts.second_after_large = chains.second_after_large.tried;

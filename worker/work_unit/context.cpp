@@ -68,8 +68,15 @@ std::string problem_with_target(const Spec& spec) {
   return "";
 }
 
+std::string problem_with_steps(const Spec& spec) {
+  const metropolis::Kernel& k = spec.kernel;
+  if ((k.eye_step_probability > 0 || k.light_step_probability > 0) && !bidirectional(spec))
+    return "kernel.eye_step_probability and light_step_probability need light subpaths";
+  return "";
+}
+
 std::string problem_with_chains(const Spec& spec) {
-  return first_of({problem_with_proposals(spec), problem_with_target(spec),
+  return first_of({problem_with_proposals(spec), problem_with_steps(spec), problem_with_target(spec),
                    spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
 }
 

@@ -121,6 +121,7 @@ struct Counts {
   uint64_t rays = 0;
   uint64_t large_steps = 0, large_accepted = 0;
   uint64_t small_steps = 0, small_accepted = 0;
+  uint64_t subpath_steps = 0, subpath_accepted = 0;
   // Second stages after rejected small steps, and after rejected large ones.
   uint64_t second_stages = 0, second_accepted = 0;
   uint64_t second_after_large = 0, second_after_large_accepted = 0;

@@ -122,9 +122,11 @@ type statistics struct {
 
 // acceptance ratios; null for a kind of step that never ran.
 type acceptance struct {
-	Large  *float64 `json:"large"`
-	Small  *float64 `json:"small"`
-	Second *float64 `json:"second"`
+	Large *float64 `json:"large"`
+	Small *float64 `json:"small"`
+	// Subpath steps draw one subpath anew.
+	Subpath *float64 `json:"subpath"`
+	Second  *float64 `json:"second"`
 	// SecondAfterLarge counts the second stages that follow rejected large steps.
 	SecondAfterLarge *float64 `json:"second_after_large"`
 }

@@ -1,5 +1,13 @@
 package job
 
+import "cmp"
+
+// Radii of the kelemen kernels (Kelemen et al. 2002, section 3.2), as shares of the torus.
+const (
+	KelemenS1 = 1.9 / 1024
+	KelemenS2 = 1.9 / 64
+)
+
 // Words of the options of chains.
 const (
 	On  = "on"
@@ -41,6 +49,14 @@ func chainOptions() []Option {
 			chains, "law of small steps; default kelemen, in pairs", func(r *Request) any { return &r.Kernel },
 		},
 		{
+			"s1", "s1", "S", nil, chains, "smallest radius or distance of the kelemen kernels; default 1.9/1024",
+			func(r *Request) any { return &r.S1 },
+		},
+		{
+			"s2", "s2", "S", nil, chains, "largest radius or distance of the kelemen kernels; default 1.9/64",
+			func(r *Request) any { return &r.S2 },
+		},
+		{
 			"sigma", "sigma", "S", nil, chains, "standard deviation of the gaussian kernel; default 0.01",
 			func(r *Request) any { return &r.Sigma },
 		},
@@ -55,6 +71,16 @@ func chainOptions() []Option {
 		{
 			"large_step_probability", "large-step-probability", "P", nil, chains, "probability of a large step; default 0.3",
 			func(r *Request) any { return &r.LargeStepProbability },
+		},
+		{
+			"eye_step_probability", "eye-step-probability", "P", nil, chains,
+			"probability of a step that draws the eye subpath anew and keeps the light subpath (under bdpt); default 0",
+			func(r *Request) any { return &r.EyeStepProbability },
+		},
+		{
+			"light_step_probability", "light-step-probability", "P", nil, chains,
+			"probability of a step that draws the light subpath anew and keeps the eye subpath (under bdpt); default 0",
+			func(r *Request) any { return &r.LightStepProbability },
 		},
 		{
 			"delayed_rejection", "delayed-rejection", "",
@@ -132,7 +158,15 @@ func Isotropic(kernel string) bool {
 
 // checkChains checks what the options of chains have to do with each other.
 func (r *Request) checkChains() error {
+	kelemen := r.Kernel == "" || r.Kernel == KernelKelemen || r.Kernel == KernelKelemenCoordinate
+	s1, s2 := cmp.Or(r.S1, KelemenS1), cmp.Or(r.S2, KelemenS2)
 	switch {
+	case r.S1 != 0 && !kelemen:
+		return invalid("s1", "belongs to kernels kelemen and kelemen-coordinate")
+	case r.S2 != 0 && !kelemen:
+		return invalid("s2", "belongs to kernels kelemen and kelemen-coordinate")
+	case !(s1 > 0 && s1 < s2 && s2 < 0.5):
+		return invalid("s1", "and s2 are %v and %v, not 0 < s1 < s2 < 0.5", s1, s2)
 	case r.Sigma != 0 && r.Kernel != KernelGaussian:
 		return invalid("sigma", "belongs to kernel gaussian")
 	case r.Sigma != 0 && !(r.Sigma > 0 && r.Sigma < 0.25):
@@ -147,6 +181,14 @@ func (r *Request) checkChains() error {
 		return invalid("half_width", "is %v, outside 0 < half width < 0.5", r.HalfWidth)
 	case r.LargeStepProbability != 0 && !(r.LargeStepProbability > 0 && r.LargeStepProbability <= 1):
 		return invalid("large_step_probability", "is %v, outside 0 < p <= 1", r.LargeStepProbability)
+	case r.Integrator == IntegratorPSSMLT && r.Under != IntegratorBDPT && (r.EyeStepProbability != 0 || r.LightStepProbability != 0):
+		return invalid("eye_step_probability", "and light_step_probability belong to mmlt, and to pssmlt under bdpt: path tracing has no light subpath")
+	case !(r.LargeStepProbability+r.EyeStepProbability+r.LightStepProbability <= 1):
+		return invalid("eye_step_probability", "and light_step_probability and large_step_probability sum to more than 1")
+	case !(r.EyeStepProbability >= 0 && r.EyeStepProbability <= 1):
+		return invalid("eye_step_probability", "is %v, outside 0 <= p <= 1", r.EyeStepProbability)
+	case !(r.LightStepProbability >= 0 && r.LightStepProbability <= 1):
+		return invalid("light_step_probability", "is %v, outside 0 <= p <= 1", r.LightStepProbability)
 	case r.Chains > maxChains:
 		return invalid("chains", "is above %d", maxChains)
 	}

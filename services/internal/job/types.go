@@ -50,10 +50,14 @@ type Request struct {
 
 	// Chains only. Kernel, with its size, is the law of small steps.
 	Kernel               string  `json:"kernel,omitempty"`
+	S1                   float64 `json:"s1,omitempty"`
+	S2                   float64 `json:"s2,omitempty"`
 	Sigma                float64 `json:"sigma,omitempty"`
 	Scale                float64 `json:"scale,omitempty"`
 	HalfWidth            float64 `json:"half_width,omitempty"`
 	LargeStepProbability float64 `json:"large_step_probability,omitempty"`
+	EyeStepProbability   float64 `json:"eye_step_probability,omitempty"`
+	LightStepProbability float64 `json:"light_step_probability,omitempty"`
 	// DelayedRejection, with the five that follow, is the second stage.
 	DelayedRejection    string  `json:"delayed_rejection,omitempty"`
 	SecondStage         string  `json:"second_stage,omitempty"`
@@ -129,6 +133,8 @@ type ConvergencePoint struct {
 type Acceptance struct {
 	Large *float64 `json:"large,omitempty"`
 	Small *float64 `json:"small,omitempty"`
+	// Subpath steps draw the eye or the light subpath anew and keep the other.
+	Subpath *float64 `json:"subpath,omitempty"`
 	// Second stages after rejected small steps, and after rejected large ones.
 	Second           *float64 `json:"second,omitempty"`
 	SecondAfterLarge *float64 `json:"second_after_large,omitempty"`

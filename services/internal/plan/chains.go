@@ -9,8 +9,6 @@ import (
 )
 
 const (
-	kelemenS1        = 1.9 / 1024
-	kelemenS2        = 1.9 / 64
 	defaultSigma     = 0.01
 	defaultScale     = 0.01
 	defaultHalfWidth = 0.02
@@ -43,7 +41,9 @@ func setChains(spec *jobv1.ResolvedSpec, r job.Request) {
 	spec.Under = jobv1.Under_UNDER_PATH
 	if r.Under == job.IntegratorBDPT {
 		spec.Under = jobv1.Under_UNDER_BDPT
+		return
 	}
+	spec.Kernel.EyeStepProbability, spec.Kernel.LightStepProbability = 0, 0 // there is no light subpath
 }
 
 // setSeeds chooses how many chains there are and how many samples they start from.
@@ -82,7 +82,11 @@ func greatestDivisor(a, b uint64) uint64 {
 }
 
 func kernel(r job.Request) *jobv1.Kernel {
-	k := &jobv1.Kernel{LargeStepProbability: or(r.LargeStepProbability, largeStep)}
+	k := &jobv1.Kernel{
+		LargeStepProbability: or(r.LargeStepProbability, largeStep),
+		EyeStepProbability:   r.EyeStepProbability,
+		LightStepProbability: r.LightStepProbability,
+	}
 	switch r.Kernel {
 	case job.KernelGaussian:
 		k.Kind, k.Sigma = jobv1.KernelKind_KERNEL_KIND_GAUSSIAN, or(r.Sigma, defaultSigma)
@@ -91,9 +95,11 @@ func kernel(r job.Request) *jobv1.Kernel {
 	case job.KernelUniform:
 		k.Kind, k.HalfWidth = jobv1.KernelKind_KERNEL_KIND_UNIFORM, or(r.HalfWidth, defaultHalfWidth)
 	case job.KernelKelemenCoordinate:
-		k.Kind, k.S1, k.S2 = jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE, kelemenS1, kelemenS2
+		k.Kind = jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE
+		k.S1, k.S2 = or(r.S1, job.KelemenS1), or(r.S2, job.KelemenS2)
 	default:
-		k.Kind, k.S1, k.S2 = jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR, kelemenS1, kelemenS2
+		k.Kind = jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR
+		k.S1, k.S2 = or(r.S1, job.KelemenS1), or(r.S2, job.KelemenS2)
 	}
 	return k
 }

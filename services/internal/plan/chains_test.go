@@ -17,9 +17,9 @@ func TestKernelsTakeTheirOwnSize(t *testing.T) {
 		request job.Request
 		want    *jobv1.Kernel
 	}{
-		{job.Request{}, &jobv1.Kernel{Kind: 1, S1: kelemenS1, S2: kelemenS2, LargeStepProbability: 0.3}},
+		{job.Request{}, &jobv1.Kernel{Kind: 1, S1: job.KelemenS1, S2: job.KelemenS2, LargeStepProbability: 0.3}},
 		{job.Request{Kernel: "gaussian", Sigma: 0.02}, &jobv1.Kernel{Kind: 2, Sigma: 0.02, LargeStepProbability: 0.3}},
-		{job.Request{Kernel: "kelemen-coordinate"}, &jobv1.Kernel{Kind: 3, S1: kelemenS1, S2: kelemenS2, LargeStepProbability: 0.3}},
+		{job.Request{Kernel: "kelemen-coordinate"}, &jobv1.Kernel{Kind: 3, S1: job.KelemenS1, S2: job.KelemenS2, LargeStepProbability: 0.3}},
 		{job.Request{Kernel: "wrapped-cauchy", LargeStepProbability: 0.5}, &jobv1.Kernel{Kind: 4, Scale: 0.01, LargeStepProbability: 0.5}},
 		{job.Request{Kernel: "uniform", HalfWidth: 0.1}, &jobv1.Kernel{Kind: 5, HalfWidth: 0.1, LargeStepProbability: 0.3}},
 	} {

@@ -109,6 +109,10 @@ func checkChains(s *jobv1.ResolvedSpec) string {
 
 // checkTarget looks at what the chains run over.
 func checkTarget(s *jobv1.ResolvedSpec) string {
+	k := s.GetKernel()
+	if !Bidirectional(s) && (k.GetEyeStepProbability() > 0 || k.GetLightStepProbability() > 0) {
+		return "eye_step_probability and light_step_probability belong to chains with light subpaths"
+	}
 	if !Multiplexed(s) {
 		if s.GetUnder() < 1 || s.GetUnder() > 2 {
 			return "under is missing"
@@ -138,6 +142,9 @@ func checkTarget(s *jobv1.ResolvedSpec) string {
 func checkKernel(k *jobv1.Kernel) string {
 	if p := k.GetLargeStepProbability(); !(p > 0 && p <= 1) {
 		return "large_step_probability is outside 0 < p <= 1"
+	}
+	if eye, light := k.GetEyeStepProbability(), k.GetLightStepProbability(); !(eye >= 0 && light >= 0 && k.GetLargeStepProbability()+eye+light <= 1) {
+		return "eye_step_probability or light_step_probability is negative, or all steps sum to more than 1"
 	}
 	switch k.GetKind() {
 	case jobv1.KernelKind_KERNEL_KIND_KELEMEN_PAIR, jobv1.KernelKind_KERNEL_KIND_KELEMEN_COORDINATE:

@@ -39,8 +39,8 @@ func TestTheKernelClosestToTheWantedAcceptance(t *testing.T) {
 			trials = append(trials, &farmv1.SegmentCounts{SmallSteps: 1000, SmallAccepted: n})
 		}
 		SetKernel(spec, trials)
-		if spec.Kernel.S2 != kelemenS2*c.want || spec.Kernel.S1 != kelemenS1*c.want {
-			t.Errorf("%v: factor %v, not %v", c.accepted, spec.Kernel.S2/kelemenS2, c.want)
+		if spec.Kernel.S2 != job.KelemenS2*c.want || spec.Kernel.S1 != job.KelemenS1*c.want {
+			t.Errorf("%v: factor %v, not %v", c.accepted, spec.Kernel.S2/job.KelemenS2, c.want)
 		}
 		if len(spec.KernelTuning.Acceptances) != 7 || spec.KernelTuning.Reason == "" {
 			t.Errorf("%v", spec.KernelTuning)

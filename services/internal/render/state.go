@@ -220,9 +220,9 @@ func (s *State) checkCounts(number int, e merge.Segment) error {
 	want := s.Spec.GetRoundSizes()[number]
 	if s.Chains() {
 		want *= uint64(s.Spec.GetGroupSize())
-		if e.Counts.LargeSteps+e.Counts.SmallSteps != e.Counts.Mutations {
-			return fmt.Errorf("segment %d: %d large and %d small steps do not make %d mutations",
-				e.Segment, e.Counts.LargeSteps, e.Counts.SmallSteps, e.Counts.Mutations)
+		if e.Counts.LargeSteps+e.Counts.SmallSteps+e.Counts.SubpathSteps != e.Counts.Mutations {
+			return fmt.Errorf("segment %d: %d large, %d small and %d subpath steps do not make %d mutations",
+				e.Segment, e.Counts.LargeSteps, e.Counts.SmallSteps, e.Counts.SubpathSteps, e.Counts.Mutations)
 		}
 	} else {
 		perSegment := plan.CellsPerSegment(s.Spec)

@@ -20,6 +20,7 @@ type Counts struct {
 	Mutations, PathEvaluations, Rays uint64
 	LargeSteps, LargeAccepted        uint64
 	SmallSteps, SmallAccepted        uint64
+	SubpathSteps, SubpathAccepted    uint64
 	// Second stages after rejected small and large steps.
 	SecondStages, SecondAccepted               uint64
 	SecondAfterLarge, SecondAfterLargeAccepted uint64
@@ -40,6 +41,7 @@ func FromProto(p *farmv1.SegmentCounts) Counts {
 		Mutations: p.GetMutations(), PathEvaluations: p.GetPathEvaluations(), Rays: p.GetRays(),
 		LargeSteps: p.GetLargeSteps(), LargeAccepted: p.GetLargeAccepted(),
 		SmallSteps: p.GetSmallSteps(), SmallAccepted: p.GetSmallAccepted(),
+		SubpathSteps: p.GetSubpathSteps(), SubpathAccepted: p.GetSubpathAccepted(),
 		SecondStages: p.GetSecondStages(), SecondAccepted: p.GetSecondAccepted(),
 		SecondAfterLarge: p.GetSecondAfterLarge(), SecondAfterLargeAccepted: p.GetSecondAfterLargeAccepted(),
 		Coordinates: p.GetCoordinates(),
@@ -59,6 +61,8 @@ func (c *Counts) Add(d Counts) {
 	c.LargeAccepted += d.LargeAccepted
 	c.SmallSteps += d.SmallSteps
 	c.SmallAccepted += d.SmallAccepted
+	c.SubpathSteps += d.SubpathSteps
+	c.SubpathAccepted += d.SubpathAccepted
 	c.SecondStages += d.SecondStages
 	c.SecondAccepted += d.SecondAccepted
 	c.SecondAfterLarge += d.SecondAfterLarge
@@ -77,7 +81,7 @@ func (c *Counts) Add(d Counts) {
 func (c *Counts) Words() []uint64 {
 	words := []uint64{
 		c.Mutations, c.PathEvaluations, c.Rays,
-		c.LargeSteps, c.LargeAccepted, c.SmallSteps, c.SmallAccepted,
+		c.LargeSteps, c.LargeAccepted, c.SmallSteps, c.SmallAccepted, c.SubpathSteps, c.SubpathAccepted,
 		c.SecondStages, c.SecondAccepted, c.SecondAfterLarge, c.SecondAfterLargeAccepted, c.Coordinates,
 	}
 	words = append(words, c.Anomalies[:]...)
@@ -89,6 +93,7 @@ func (c *Counts) Words() []uint64 {
 func (c *Counts) Acceptance() job.Acceptance {
 	return job.Acceptance{
 		Large: Share(c.LargeAccepted, c.LargeSteps), Small: Share(c.SmallAccepted, c.SmallSteps),
+		Subpath:          Share(c.SubpathAccepted, c.SubpathSteps),
 		Second:           Share(c.SecondAccepted, c.SecondStages),
 		SecondAfterLarge: Share(c.SecondAfterLargeAccepted, c.SecondAfterLarge),
 	}

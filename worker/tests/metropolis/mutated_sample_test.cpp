@@ -37,7 +37,7 @@ MutatedSample make(uint32_t first_chain = 0, const Moves& moves = kOrbital) {
 
 void run_iteration(MutatedSample& sample, uint64_t iteration, Mask large, Mask accepted) {
   sample.begin(iteration);
-  sample.set_large(large);
+  sample.set_steps({.large = large});
   sample.pair(0, all_lanes());
   sample.pair(5, mask_from_bits(0x0f));
   sample.finish(accepted, no_lanes());
@@ -52,7 +52,7 @@ TEST(MutatedSample, KeepsExactlyThePairsThatTheAcceptedStateRead) {
   EXPECT_EQ(sample.stored(4)[0].slot, 0);
   // The next state of lane 0 reads less: what it doesn't read is forgotten.
   sample.begin(1);
-  sample.set_large(no_lanes());
+  sample.set_steps({});
   sample.pair(0, all_lanes());
   sample.finish(all_lanes(), no_lanes());
   EXPECT_EQ(sample.stored(0).size(), 1U);
@@ -75,7 +75,7 @@ TEST(MutatedSample, AnswersTheSameHoweverOftenAndByWhomAsked) {
   MutatedSample sample = make();
   run_iteration(sample, 0, all_lanes(), all_lanes());
   sample.begin(1);
-  sample.set_large(mask_from_bits(0x33));
+  sample.set_steps({.large = mask_from_bits(0x33)});
   const Pair one_lane = sample.pair(5, mask_from_bits(1));
   const Pair all = sample.pair(5, all_lanes());
   EXPECT_EQ(lanes_of(one_lane.first), lanes_of(all.first));
@@ -87,7 +87,7 @@ TEST(MutatedSample, SmallStepsStayNearAndLargeStepsDoNot) {
   run_iteration(sample, 0, all_lanes(), all_lanes());
   const auto before = sample.stored(0);
   sample.begin(1);
-  sample.set_large(no_lanes());
+  sample.set_steps({});
   sample.pair(0, all_lanes());
   const auto proposed = sample.read_pairs(0);
   ASSERT_EQ(proposed.size(), 1U);
@@ -108,7 +108,7 @@ MutatedSample in_second_stage(const Moves& moves) {
   MutatedSample sample = make(0, moves);
   run_iteration(sample, 0, all_lanes(), all_lanes());
   sample.begin(1);
-  sample.set_large(mask_from_bits(0xf0));
+  sample.set_steps({.large = mask_from_bits(0xf0)});
   for (int slot : {0, 5, 7}) sample.pair(slot, all_lanes());
   sample.enter(Stage::kSecond);
   for (int slot : {0, 9}) sample.pair(slot, mask_from_bits(0x3c));
@@ -150,7 +150,7 @@ TEST(MutatedSample, StagesDoNotDependOnTheOrderOfReads) {
     MutatedSample a = in_second_stage(*moves), b = make(0, *moves);
     run_iteration(b, 0, all_lanes(), all_lanes());
     b.begin(1);
-    b.set_large(mask_from_bits(0xf0));
+    b.set_steps({.large = mask_from_bits(0xf0)});
     for (Stage stage : {Stage::kReverse, Stage::kSecond, Stage::kFirst}) {
       for (int slot : {9, 7, 5, 0}) {
         a.enter(stage);
@@ -193,7 +193,7 @@ TEST(MutatedSample, AStateRestoredGoesOnAlike) {
   for (int lane = 0; lane < kLanes; ++lane) two.restore(lane, one.stored(lane));
   for (MutatedSample* s : {&one, &two}) {
     s->begin(20);
-    s->set_large(mask_from_bits(0x0f));
+    s->set_steps({.large = mask_from_bits(0x0f)});
   }
   for (int slot : {0, 5, 9}) {
     const Pair a = one.pair(slot, all_lanes()), b = two.pair(slot, all_lanes());
@@ -226,7 +226,7 @@ TEST(MutatedSample, CoinsAreUniformAndIndependent) {
     const Pair p = sample.pair(0, all_lanes());
     sample.finish(no_lanes(), no_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
-      coins.add(lane_value(c.large, lane), lane_value(c.acceptance, lane));
+      coins.add(lane_value(c.step, lane), lane_value(c.acceptance, lane));
       against_pair.add(lane_value(c.acceptance, lane), lane_value(p.first, lane));
     }
   }

@@ -813,8 +813,12 @@ type SegmentCounts struct {
 	ProposedByLength []uint64 `protobuf:"varint,14,rep,packed,name=proposed_by_length,json=proposedByLength,proto3" json:"proposed_by_length,omitempty"`
 	// Those of them that were accepted, likewise.
 	AcceptedByLength []uint64 `protobuf:"varint,15,rep,packed,name=accepted_by_length,json=acceptedByLength,proto3" json:"accepted_by_length,omitempty"`
-	unknownFields    protoimpl.UnknownFields
-	sizeCache        protoimpl.SizeCache
+	// Steps proposed that draw one subpath anew.
+	SubpathSteps uint64 `protobuf:"varint,16,opt,name=subpath_steps,json=subpathSteps,proto3" json:"subpath_steps,omitempty"`
+	// Those of them that were accepted.
+	SubpathAccepted uint64 `protobuf:"varint,17,opt,name=subpath_accepted,json=subpathAccepted,proto3" json:"subpath_accepted,omitempty"`
+	unknownFields   protoimpl.UnknownFields
+	sizeCache       protoimpl.SizeCache
 }
 
 func (x *SegmentCounts) Reset() {
@@ -950,6 +954,20 @@ func (x *SegmentCounts) GetAcceptedByLength() []uint64 {
 		return x.AcceptedByLength
 	}
 	return nil
+}
+
+func (x *SegmentCounts) GetSubpathSteps() uint64 {
+	if x != nil {
+		return x.SubpathSteps
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetSubpathAccepted() uint64 {
+	if x != nil {
+		return x.SubpathAccepted
+	}
+	return 0
 }
 
 // Sums over all large-step proposals of one chain since its start; they sharpen b.
@@ -1354,7 +1372,7 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x04kind\x18\x01 \x01(\x0e2\x1e.metrofarm.farm.v1.AnomalyKindR\x04kind\x12\x14\n" +
 	"\x05place\x18\x02 \x01(\tR\x05place\x12\x14\n" +
 	"\x05depth\x18\x03 \x01(\rR\x05depth\x12%\n" +
-	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\xd3\x04\n" +
+	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\xa3\x05\n" +
 	"\rSegmentCounts\x12\x1c\n" +
 	"\tmutations\x18\x01 \x01(\x04R\tmutations\x12)\n" +
 	"\x10path_evaluations\x18\x02 \x01(\x04R\x0fpathEvaluations\x12\x12\n" +
@@ -1373,7 +1391,9 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x1bsecond_after_large_accepted\x18\f \x01(\x04R\x18secondAfterLargeAccepted\x12 \n" +
 	"\vcoordinates\x18\r \x01(\x04R\vcoordinates\x12,\n" +
 	"\x12proposed_by_length\x18\x0e \x03(\x04R\x10proposedByLength\x12,\n" +
-	"\x12accepted_by_length\x18\x0f \x03(\x04R\x10acceptedByLength\"X\n" +
+	"\x12accepted_by_length\x18\x0f \x03(\x04R\x10acceptedByLength\x12#\n" +
+	"\rsubpath_steps\x18\x10 \x01(\x04R\fsubpathSteps\x12)\n" +
+	"\x10subpath_accepted\x18\x11 \x01(\x04R\x0fsubpathAccepted\"X\n" +
 	"\rLargeStepSums\x12\x14\n" +
 	"\x05count\x18\x01 \x01(\x04R\x05count\x12\x10\n" +
 	"\x03sum\x18\x02 \x01(\x01R\x03sum\x12\x1f\n" +

@@ -552,9 +552,16 @@ type Kernel struct {
 	// Scale of KERNEL_KIND_WRAPPED_CAUCHY, as a share of the torus; 0 < scale < 0.25.
 	Scale float64 `protobuf:"fixed64,6,opt,name=scale,proto3" json:"scale,omitempty"`
 	// Half width of KERNEL_KIND_UNIFORM; 0 < half_width < 0.5.
-	HalfWidth     float64 `protobuf:"fixed64,7,opt,name=half_width,json=halfWidth,proto3" json:"half_width,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	HalfWidth float64 `protobuf:"fixed64,7,opt,name=half_width,json=halfWidth,proto3" json:"half_width,omitempty"`
+	// Probability of a step that draws the eye subpath anew (film, lens and all that its vertices
+	// decide) and keeps the light subpath, the time and the technique as they are. Only where there
+	// are light subpaths: INTEGRATOR_MMLT and UNDER_BDPT. Not negative; with
+	// large_step_probability and light_step_probability at most 1.
+	EyeStepProbability float64 `protobuf:"fixed64,8,opt,name=eye_step_probability,json=eyeStepProbability,proto3" json:"eye_step_probability,omitempty"`
+	// Probability of a step that draws the light subpath anew and keeps the rest.
+	LightStepProbability float64 `protobuf:"fixed64,9,opt,name=light_step_probability,json=lightStepProbability,proto3" json:"light_step_probability,omitempty"`
+	unknownFields        protoimpl.UnknownFields
+	sizeCache            protoimpl.SizeCache
 }
 
 func (x *Kernel) Reset() {
@@ -632,6 +639,20 @@ func (x *Kernel) GetScale() float64 {
 func (x *Kernel) GetHalfWidth() float64 {
 	if x != nil {
 		return x.HalfWidth
+	}
+	return 0
+}
+
+func (x *Kernel) GetEyeStepProbability() float64 {
+	if x != nil {
+		return x.EyeStepProbability
+	}
+	return 0
+}
+
+func (x *Kernel) GetLightStepProbability() float64 {
+	if x != nil {
+		return x.LightStepProbability
 	}
 	return 0
 }
@@ -1214,7 +1235,7 @@ var File_metrofarm_job_v1_spec_proto protoreflect.FileDescriptor
 
 const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\n" +
-	"\x1bmetrofarm/job/v1/spec.proto\x12\x10metrofarm.job.v1\"\xdb\x01\n" +
+	"\x1bmetrofarm/job/v1/spec.proto\x12\x10metrofarm.job.v1\"\xc3\x02\n" +
 	"\x06Kernel\x120\n" +
 	"\x04kind\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.KernelKindR\x04kind\x12\x0e\n" +
 	"\x02s1\x18\x02 \x01(\x01R\x02s1\x12\x0e\n" +
@@ -1223,7 +1244,9 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x16large_step_probability\x18\x05 \x01(\x01R\x14largeStepProbability\x12\x14\n" +
 	"\x05scale\x18\x06 \x01(\x01R\x05scale\x12\x1d\n" +
 	"\n" +
-	"half_width\x18\a \x01(\x01R\thalfWidth\"\xd5\x02\n" +
+	"half_width\x18\a \x01(\x01R\thalfWidth\x120\n" +
+	"\x14eye_step_probability\x18\b \x01(\x01R\x12eyeStepProbability\x124\n" +
+	"\x16light_step_probability\x18\t \x01(\x01R\x14lightStepProbability\"\xd5\x02\n" +
 	"\x10DelayedRejection\x12\x18\n" +
 	"\aenabled\x18\x01 \x01(\bR\aenabled\x120\n" +
 	"\x04move\x18\x02 \x01(\x0e2\x1c.metrofarm.job.v1.SecondMoveR\x04move\x127\n" +
