@@ -82,14 +82,14 @@ int cell(double v, int count) {
 }  // namespace
 
 Float BranchingTarget::evaluate(primary_space::SampleSource& source, Which into, Mask lanes) {
-  const Pair ab = source.pair(0, lanes);
+  const Pair ab = source.pair(kBranchingSlots[0], lanes);
   const Mask deeper = lanes & (ab.first >= Float(0.5F));
   const Mask second_lanes = eager_ ? lanes : deeper;
   Pair cd{Float(0.F), Float(0.F)}, eg = cd;
-  if (any(second_lanes)) cd = source.pair(1, second_lanes);
+  if (any(second_lanes)) cd = source.pair(kBranchingSlots[1], second_lanes);
   const Mask deepest = deeper & (cd.first < Float(0.4F));
   const Mask third_lanes = eager_ ? lanes : deepest;
-  if (any(third_lanes)) eg = source.pair(2, third_lanes);
+  if (any(third_lanes)) eg = source.pair(kBranchingSlots[2], third_lanes);
 
   const Float shallow = Float(0.2F) + Float(3.F) * ridge(ab.first - ab.second);
   const Float deep = Float(0.1F) + Float(2.F) * ridge(cd.first - cd.second) +

@@ -15,6 +15,11 @@
 
 namespace metrofarm::metropolis::test {
 
+// Its three pairs lie in an eye subpath, in a light subpath and in what both share.
+inline constexpr std::array<primary_space::Slot, 3> kBranchingSlots = {
+    primary_space::kFilmSlot, primary_space::light_slot(0, primary_space::Decision::kDirection),
+    primary_space::kTimeSlot};
+
 class BranchingTarget final : public Target {
  public:
   static constexpr double kRidge = 0.02;

@@ -206,7 +206,7 @@ TEST(MutatedSample, ChainsDifferAndALaneDoesNotMatter) {
   MutatedSample a = make(0), b = make(3);
   for (MutatedSample* s : {&a, &b}) {
     s->begin(12345678901ULL);
-    s->set_large(all_lanes());
+    s->set_steps({.large = all_lanes()});
   }
   const auto from_a = lanes_of(a.pair(4, all_lanes()).first);
   const auto from_b = lanes_of(b.pair(4, all_lanes()).first);
@@ -222,7 +222,7 @@ TEST(MutatedSample, CoinsAreUniformAndIndependent) {
   constexpr int kIterations = 40000;
   for (int i = 0; i < kIterations; ++i) {
     const Coins c = sample.begin(i);
-    sample.set_large(all_lanes());
+    sample.set_steps({.large = all_lanes()});
     const Pair p = sample.pair(0, all_lanes());
     sample.finish(no_lanes(), no_lanes());
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -234,6 +234,37 @@ TEST(MutatedSample, CoinsAreUniformAndIndependent) {
     for (int y = 0; y < 20; ++y) expected.add_to(x, y, kIterations * kLanes / 400.0);
   EXPECT_TRUE(test::follows(coins.counts(), expected.counts(), 1e-5));
   EXPECT_TRUE(test::follows(against_pair.counts(), expected.counts(), 1e-5));
+}
+
+// An eye step draws the eye's pairs anew and keeps every other bit, a light step the light's.
+TEST(MutatedSample, SubpathStepsKeepTheOtherSubpath) {
+  using primary_space::Decision;
+  const Moves moves{Proposals{}};
+  MutatedSample sample(rng_key(4, RngDomain::kChain), UInt(1U), moves);
+  const std::vector<primary_space::Slot> eye = {primary_space::kFilmSlot, primary_space::kLensSlot,
+                                                primary_space::eye_slot(0, Decision::kLightPoint),
+                                                primary_space::eye_slot(3, Decision::kLobe)};
+  const std::vector<primary_space::Slot> light = {
+      primary_space::light_slot(0, Decision::kLight),
+      primary_space::light_slot(2, Decision::kDirection)};
+  const std::vector<primary_space::Slot> shared = {primary_space::kTimeSlot,
+                                                   primary_space::kTechniqueSlot};
+  std::vector<primary_space::StoredPair> start;
+  for (const auto& slots : {eye, light, shared})
+    for (primary_space::Slot slot : slots)
+      start.push_back({slot, 1000U + static_cast<uint32_t>(slot), 77});
+  const Mask eye_lanes = mask_from_bits(0x0f), light_lanes = mask_from_bits(0xf0);
+  for (int lane = 0; lane < kLanes; ++lane) sample.restore(lane, start);
+  sample.begin(5);
+  sample.set_steps({.eye = eye_lanes, .light = light_lanes});
+  const auto kept = [&](primary_space::Slot slot) {
+    const primary_space::Pair p = sample.pair(slot, all_lanes());
+    const primary_space::FixedPair x{UInt(1000U + static_cast<uint32_t>(slot)), UInt(77U)};
+    return bits((p.first == x.to_float().first) & (p.second == x.to_float().second));
+  };
+  for (primary_space::Slot slot : eye) EXPECT_EQ(kept(slot), 0xf0U) << slot;
+  for (primary_space::Slot slot : light) EXPECT_EQ(kept(slot), 0x0fU) << slot;
+  for (primary_space::Slot slot : shared) EXPECT_EQ(kept(slot), 0xffU) << slot;
 }
 
 }  // namespace

@@ -180,10 +180,17 @@ std::vector<Case> more() {
     out.push_back(s);
     s.eager = false;
     s.name = second.name + "Frozen";
-    s.proposals.frozen = {{0, true, false}, {1, true, true}, {2, false, true}};
+    s.proposals.frozen = {{test::kBranchingSlots[0], true, false},
+                          {test::kBranchingSlots[1], true, true},
+                          {test::kBranchingSlots[2], false, true}};
+    out.push_back(s);
+    s.name = second.name + "Subpaths";
+    s.proposals.frozen = {};
+    s.proposals.kernel.eye_step_probability = 0.25;
+    s.proposals.kernel.light_step_probability = 0.2;
     out.push_back(s);
     s.name = second.name + "Long";
-    s.proposals.frozen = {};
+    s.proposals.kernel.eye_step_probability = s.proposals.kernel.light_step_probability = 0;
     s.proposals.kernel.large_step_probability = 0.1;
     s.packs = 24000;
     out.push_back(s);
@@ -245,6 +252,23 @@ TEST(Lazy, AcceptsAsOftenAsEager) {
   EXPECT_GT(p_value(lazy.second_after_small, eager.second_after_small), 1e-5);
   EXPECT_GT(p_value(lazy.second_after_large, eager.second_after_large), 1e-5);
   EXPECT_LT(lazy.pairs_read, eager.pairs_read);
+}
+
+// Steps of each kind come as often as asked for, and no other step takes their second stage.
+TEST(Subpaths, AreDrawnAsOftenAsAskedFor) {
+  Case setup{"", of_kernel(KernelKind::kKelemenPair)};
+  setup.proposals.delayed_rejection = delayed(kSeconds[1], false);
+  setup.proposals.kernel.eye_step_probability = 0.25;
+  setup.proposals.kernel.light_step_probability = 0.2;
+  const ChainCounts c = run(setup, 23).counts;
+  EXPECT_EQ(c.large.tried + c.small.tried + c.subpath.tried, c.mutations);
+  EXPECT_EQ(c.second_after_small.tried, c.small.tried - c.small.accepted);
+  // H0: binomial with p = 0.45; rate 1e-5.
+  const double n = double(c.mutations), p = 0.45;
+  EXPECT_GT(
+      metrofarm::test::normal_p((double(c.subpath.tried) - n * p) / std::sqrt(n * p * (1 - p))),
+      1e-5);
+  EXPECT_GT(c.subpath.accepted, c.subpath.tried / 10);
 }
 
 // The bins' integrals, which everything above relies on, against plain Monte Carlo: H0: their means
