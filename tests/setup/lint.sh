@@ -36,7 +36,7 @@ check_tidy() {
 }
 
 # tidy_one SOURCE STAMP
-tidy_one() { clang-tidy-19 -p build/worker --quiet "$1" && touch "$2"; }
+tidy_one() { clang-tidy -p build/worker --quiet "$1" && touch "$2"; }
 
 check_go() {
   (

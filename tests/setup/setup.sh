@@ -16,7 +16,7 @@ readonly BUILD_PACKAGES=(
   protobuf-compiler-grpc prometheus-cpp-dev libpugixml-dev libzstd-dev libxsimd-dev libssl-dev
   zlib1g-dev libstb-dev libturbojpeg0-dev libgtest-dev
 )
-readonly TEST_PACKAGES=(clang-format-19 clang-tidy-19 shellcheck)
+readonly TEST_PACKAGES=(clang-format-19 shellcheck)
 readonly BENCH_PACKAGES=(libllvm19)
 
 readonly STATICCHECK=honnef.co/go/tools/cmd/staticcheck@v0.8.1

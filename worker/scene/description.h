@@ -57,6 +57,7 @@ struct Colour {
   Index texture = kNone;
 
   Colour() = default;
+  // NOLINTNEXTLINE(google-explicit-constructor): a constant is a colour
   Colour(const Rgb& rgb, Index t = kNone) : value(rgb), texture(t) {}
   Colour(float r, float g, float b) : value{r, g, b} {}
 };
@@ -67,6 +68,7 @@ struct Scalar {
   Index texture = kNone;
 
   Scalar() = default;
+  // NOLINTNEXTLINE(google-explicit-constructor): a constant is a number
   Scalar(float v, Index t = kNone) : value(v), texture(t) {}
 };
 

@@ -72,7 +72,7 @@ std::string suggestion(std::string_view name, const std::vector<std::string_view
     text += candidates[i];
   }
   if (candidates.size() > kMaxListed) text += ", ...";
-  if (!best.empty()) text += ")";
+  if (!best.empty()) text += ')';
   return text;
 }
 

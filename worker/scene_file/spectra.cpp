@@ -79,7 +79,8 @@ Spectrum black_body(double temperature) {
   constexpr double kBoltzmann = 1.38064852e-23;  // J / K
   constexpr double kNanometre = 1e-9;
   Spectrum spectrum;
-  for (double wavelength = kCieFirst; wavelength <= kCieLast; wavelength += 1) {
+  for (int step = 0; step <= static_cast<int>(kCieLast - kCieFirst); ++step) {
+    const double wavelength = kCieFirst + step;
     const double metres = wavelength * kNanometre;
     const double exponent = kPlanck * kLight / (metres * kBoltzmann * temperature);
     const double per_metre =
