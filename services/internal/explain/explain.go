@@ -57,12 +57,15 @@ func rules() map[string]rule {
 		"group_size":        {nil, "worker", "chains that the workers' build runs side by side"},
 		"chain_groups":      {asked("chains"), "plan", "default"},
 		"kernel": {
-			asked("kernel", "sigma", "scale", "half_width", "large_step_probability"), "plan", "default",
+			asked("kernel", "s1", "s2", "sigma", "scale", "half_width", "large_step_probability", "eye_step_probability", "light_step_probability"),
+			"plan", "default",
 		},
 		"delayed_rejection":    {asked("delayed_rejection"), "plan", "default"},
 		"layer_weights":        {asked("layer_weights"), "plan", "default"},
 		"technique_coordinate": {asked("technique_coordinate"), "plan", "default"},
 		"length_probabilities": {nil, "bootstrap", "in proportion to each length's share of b, with a floor"},
+		"direct_sizes":         {asked("direct_apart"), "plan", "a quarter of a sample for each mutation"},
+		"target_map":           {asked("target"), "plan", "where the light of a pilot landed, smoothed"},
 		"unit":                 {nil, "bootstrap", "mean luminance of the first independent samples"},
 		"blocks_per_segment":   {nil, "plan", "from the image size"},
 		"round_sizes":          {nil, "plan", "growing rounds; from counts, never from time"},
@@ -83,7 +86,7 @@ func Choices(snapshot job.Snapshot) ([]Choice, error) {
 	table := rules()
 	for key, value := range fields {
 		name := snakeCase(key)
-		if name == "auto_decision" {
+		if name == "auto_decision" || name == "kernel_tuning" {
 			continue // told apart from what decides the image
 		}
 		choices = append(choices, choose(table[name], name, plain(name, value), snapshot.Request))
@@ -107,6 +110,14 @@ func choose(r rule, name, value string, request job.Request) Choice {
 
 // plain turns a protobuf JSON value into words: no quotes, and enum values without their type.
 func plain(name string, value json.RawMessage) string {
+	if name == "target_map" {
+		var m struct {
+			Side int `json:"side"`
+		}
+		if json.Unmarshal(value, &m) == nil {
+			return fmt.Sprintf("%d x %d cells", m.Side, m.Side)
+		}
+	}
 	var text string
 	if json.Unmarshal(value, &text) != nil {
 		return string(value)

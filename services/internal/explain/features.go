@@ -152,17 +152,38 @@ func cameraFeature(both, connectable bool, s *scenev1.Structure) Feature {
 func chainFeatures(spec *jobv1.ResolvedSpec) []Feature {
 	if !plan.RunsChains(spec) {
 		reason := plan.IntegratorName(spec) + " takes independent samples"
-		return []Feature{{"chains", skipped, reason}, {"delayed rejection", skipped, reason}}
+		return []Feature{
+			{"chains", skipped, reason},
+			{"delayed rejection", skipped, reason},
+			{"direct light apart", skipped, reason},
+			{"equalized target", skipped, reason},
+			{"subpath steps", skipped, reason},
+		}
 	}
 	d := spec.GetDelayedRejection()
 	features := []Feature{
 		{"chains", used, fmt.Sprintf("%d chains over %s", plan.Chains(spec), overName(spec))},
 		either("delayed rejection", d.GetEnabled(), word(d.GetAcceptanceRule().String(), "ACCEPTANCE_RULE_")+" acceptance", "not asked for"),
 	}
+	features = append(features, subpathFeature(spec),
+		either("direct light apart", plan.DirectApart(spec), "chains carry paths of 3 edges and more", "not asked for, or nothing else is left to the chains"),
+		either("equalized target", spec.GetTargetMap() != nil, fmt.Sprintf("luminance over a map of %d x %d cells", spec.GetTargetMap().GetSide(), spec.GetTargetMap().GetSide()), "the target is luminance"))
 	if plan.Multiplexed(spec) {
 		features = append(features, lengthFeature(spec))
 	}
 	return features
+}
+
+func subpathFeature(spec *jobv1.ResolvedSpec) Feature {
+	const name = "subpath steps"
+	k := spec.GetKernel()
+	switch {
+	case !plan.Bidirectional(spec):
+		return Feature{name, skipped, "chains over path tracing have no light subpath"}
+	case k.GetEyeStepProbability()+k.GetLightStepProbability() == 0:
+		return Feature{name, skipped, "not asked for"}
+	}
+	return Feature{name, used, fmt.Sprintf("eye with probability %v, light with %v", k.GetEyeStepProbability(), k.GetLightStepProbability())}
 }
 
 func overName(spec *jobv1.ResolvedSpec) string {

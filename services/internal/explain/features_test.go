@@ -36,6 +36,8 @@ func TestFeatures(t *testing.T) {
 	direct := `{"integrator":"INTEGRATOR_BDPT","lightSampling":"LIGHT_SAMPLING_MIS","maxDepth":1}`
 	mmlt := `{"integrator":"INTEGRATOR_MMLT","lightSampling":"LIGHT_SAMPLING_MIS","maxDepth":4,"chainGroups":16,"groupSize":64,
 		"lengthProbabilities":[0,0.5,0.25,0.25],"delayedRejection":{"enabled":true,"acceptanceRule":"ACCEPTANCE_RULE_GREEN_MIRA"}}`
+	chains := `{"integrator":"INTEGRATOR_PSSMLT","under":"UNDER_BDPT","chainGroups":16,"groupSize":64,"directSizes":["2"],
+		"targetMap":{"side":1,"values":[1]},"kernel":{"eyeStepProbability":0.25}}`
 	for _, c := range []struct{ spec, report, feature, state, evidence string }{
 		{path, glassBox, "time", "skipped", "nothing moves"},
 		{path, `{"structure":{"motion":true}}`, "time", "skipped", "first key"},
@@ -63,6 +65,13 @@ func TestFeatures(t *testing.T) {
 		{mmlt, lamp, "chains", "used", "1024 chains over single techniques"},
 		{mmlt, lamp, "delayed rejection", "used", "green-mira"},
 		{mmlt, lamp, "path lengths", "used", "without 1"},
+		{path, lamp, "equalized target", "skipped", "independent"},
+		{mmlt, lamp, "equalized target", "skipped", "luminance"},
+		{mmlt, lamp, "direct light apart", "skipped", "not asked for"},
+		{mmlt, lamp, "subpath steps", "skipped", "not asked for"},
+		{chains, lamp, "equalized target", "used", "1 x 1"},
+		{chains, lamp, "direct light apart", "used", "3 edges"},
+		{chains, lamp, "subpath steps", "used", "eye with probability 0.25, light with 0"},
 	} {
 		if got := features(t, c.spec, c.report)[c.feature]; got.State != c.state || !strings.Contains(got.Evidence, c.evidence) {
 			t.Errorf("%s: %+v, want %s: %s", c.feature, got, c.state, c.evidence)

@@ -17,8 +17,17 @@ type Plan struct {
 	Features []Feature `json:"features" doc:"What the renderer can do, and whether this job does it."`
 	// Auto is what integrator auto measured and chose.
 	Auto *Decision `json:"auto,omitempty" doc:"What integrator auto measured and chose; absent where the integrator was asked for."`
+	// Tuning is how the pilot chose the size of small steps.
+	Tuning *Tuning `json:"tuning,omitempty" doc:"How trials chose the size of small steps; absent where there were none."`
 	// Choices that decide the image.
 	Choices []Choice `json:"choices" doc:"Each value that decides the image, and why."`
+}
+
+// Tuning lists the trials of the size of small steps.
+type Tuning struct {
+	Reason      string    `json:"reason" doc:"The rule that decided."`
+	Factors     []float64 `json:"factors" doc:"Of the kernel's lengths, by trial."`
+	Acceptances []float64 `json:"acceptances" doc:"Share of small steps accepted, by trial."`
 }
 
 // Decision is how auto chose.
@@ -43,7 +52,7 @@ func Of(snapshot job.Snapshot, report string) (Plan, error) {
 	if err := lenient.Unmarshal([]byte(snapshot.Resolved), spec); err != nil {
 		return p, fmt.Errorf("resolved spec of job %s: %w", snapshot.ID, err)
 	}
-	p.Auto = decision(spec)
+	p.Auto, p.Tuning = decision(spec), tuning(spec)
 	if report == "" {
 		return p, nil
 	}
@@ -53,6 +62,14 @@ func Of(snapshot job.Snapshot, report string) (Plan, error) {
 	}
 	p.Features = Features(spec, scene)
 	return p, nil
+}
+
+func tuning(spec *jobv1.ResolvedSpec) *Tuning {
+	t := spec.GetKernelTuning()
+	if t == nil {
+		return nil
+	}
+	return &Tuning{Reason: t.GetReason(), Factors: t.GetFactors(), Acceptances: t.GetAcceptances()}
 }
 
 func decision(spec *jobv1.ResolvedSpec) *Decision {
