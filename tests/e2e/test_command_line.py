@@ -99,6 +99,23 @@ def test_images_repeat(integrator: str, tmp_path: Path) -> None:
     assert other["film_sha256"] != first["film_sha256"]
 
 
+def test_what_pilots_found_repeats(tmp_path: Path) -> None:
+    flags = ["--integrator", "mmlt", "--mutations-per-pixel", "64", "--target", "equalized"]
+    flags += ["--direct-apart", "on", "--kernel-tuning", "on"]
+    first = render(tmp_path, *flags)
+    plan = first["plan"]
+    features = {feature["name"]: feature["state"] for feature in plan["features"]}
+    assert features["equalized target"] == features["direct light apart"] == "used"
+    assert len(plan["tuning"]["factors"]) == len(plan["tuning"]["acceptances"]) > 3
+    assert plan["tuning"]["acceptances"] == sorted(plan["tuning"]["acceptances"], reverse=True)
+
+    resolved = tmp_path / "resolved.json"
+    resolved.write_text(json.dumps(first["resolved_spec"]))
+    repeated = render(tmp_path, "--resolved", str(resolved), "--mutations-per-pixel", "64")
+    assert repeated["film_sha256"] == first["film_sha256"]
+    assert repeated["path_evaluations"] < first["path_evaluations"], "the pilots ran again"
+
+
 def test_defaults_of_the_scene_can_be_set(tmp_path: Path) -> None:
     done = run(
         *("render", CORNELL, "-o", tmp_path / "out.exr", "--stats", tmp_path / "stats.json"),

@@ -26,6 +26,17 @@ PATH_JOB: dict[str, Any] = {
     "seed": 11,
     "stop": {"samples_per_pixel": 256},
 }
+# Passes every stage of preparation and fills every layer.
+FULL_JOB: dict[str, Any] = {
+    **JOB,
+    "integrator": "mmlt",
+    "delayed_rejection": "on",
+    "target": "equalized",
+    "direct_apart": "on",
+    "kernel_tuning": "on",
+    "eye_step_probability": 0.1,
+    "stop": {"mutations_per_pixel": 1024},
+}
 KILLS = ["coordinator", "worker-1", "coordinator", "worker-2", "everything"]
 
 
@@ -35,7 +46,7 @@ def film_of(farm: Farm, job: dict[str, Any]) -> str:
     return str(snapshot["film_sha256"])
 
 
-@pytest.mark.parametrize("job", [JOB, PATH_JOB], ids=["pssmlt", "path"])
+@pytest.mark.parametrize("job", [JOB, PATH_JOB, FULL_JOB], ids=["pssmlt", "path", "full"])
 def test_same_film_with_1_2_and_7_workers(make_farm: MakeFarm, job: dict[str, Any]) -> None:
     films = {}
     for count in (1, 2, 7):
