@@ -11,10 +11,6 @@ constexpr float kWeightLimit = 16;
 // lane, and the numbers on nothing at all.
 enum Serial { kLargeStep, kLeft, kPassedBy, kSecondPassedBy, kSerials };
 
-UInt consecutive(uint32_t first) {
-  return UInt(first) + UInt(as_uint(Int(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7))));
-}
-
 Mask not_zero(Float x) {
   return (x > Float(0.F)) | (x < Float(0.F));
 }
@@ -30,7 +26,7 @@ ChainPack::ChainPack(const ChainPackConfig& config, Target& target)
       light_end_(eye_end_ + static_cast<float>(config.moves.kernel().light_step_probability)),
       inverse_unit_(static_cast<float>(1 / config.unit)),
       target_(target),
-      sample_(config.key, consecutive(config.first_chain), config.moves) {}
+      sample_(config.key, config.members, config.moves) {}
 
 void ChainPack::advance(uint64_t n) {
   for (uint64_t i = 0; i < n; ++i) iterate();

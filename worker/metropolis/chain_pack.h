@@ -1,5 +1,5 @@
-// Eight Markov chains side by side: the unit of determinism. A pack always holds the same chains
-// and advances them together, so rays travel in packets composed alike on every machine.
+// Eight Markov chains side by side. A pack advances its chains together; which chains it has depends
+// on their states alone, so rays travel in packets composed alike on every machine.
 #pragma once
 
 #include <array>
@@ -57,10 +57,10 @@ struct ChainCounts {
 };
 
 struct ChainPackConfig {
-  RngKey key;            // of the job's chains
-  uint32_t first_chain;  // lane i runs chain first_chain + i
-  const Moves& moves;    // outlives the pack
-  double unit = 1;       // c
+  RngKey key;  // of the job's chains
+  PackMembers members;
+  const Moves& moves;  // outlives the pack
+  double unit = 1;     // c
   LayerWeights weights = LayerWeights::kTwoLayer;
 };
 

@@ -1,6 +1,7 @@
 #include "metropolis/mutated_sample.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "base/check.h"
 
@@ -15,6 +16,9 @@ using primary_space::StoredPair;
 namespace {
 
 constexpr uint32_t kCoinSlot = 0xffffffffU;
+// Of the pack's own draws.
+constexpr uint32_t kPackCoinSlot = 0xfffffffeU;
+constexpr uint32_t kPackTechniqueSlot = 0xfffffffdU;
 // Sets the second stage's words apart from the first's.
 constexpr uint32_t kSecondStage = 0x80000000U;
 
@@ -24,8 +28,15 @@ FixedPair select(Mask m, const FixedPair& a, const FixedPair& b) {
 
 }  // namespace
 
-MutatedSample::MutatedSample(RngKey key, UInt chain_ids, const Moves& moves)
-    : key_(key), chains_(chain_ids), moves_(moves) {}
+PackMembers::PackMembers(uint32_t first) : pack(first / kLanes) {
+  std::iota(chains.begin(), chains.end(), first);
+}
+
+MutatedSample::MutatedSample(RngKey key, const PackMembers& members, const Moves& moves)
+    : key_(key),
+      chains_(UInt::load_unaligned(members.chains.data())),
+      pack_(members.pack),
+      moves_(moves) {}
 
 MutatedSample::SlotState& MutatedSample::slot_state(Slot slot) {
   METROFARM_CHECK(slot >= 0 && slot < kSlotCount);
@@ -38,12 +49,23 @@ RngWords MutatedSample::words(uint32_t slot) const {
   return philox(key_, {UInt(slot), iteration_low_, iteration_high_, chains_});
 }
 
+RngWords MutatedSample::words_of_pack(uint32_t slot) const {
+  return philox(key_, {UInt(slot), iteration_low_, iteration_high_, pack_});
+}
+
+// What a large step draws.
+FixedPair MutatedSample::fresh(Slot slot, const RngWords& words) const {
+  if (slot != primary_space::kTechniqueSlot) return {words[2], words[3]};
+  const RngWords shared = words_of_pack(kPackTechniqueSlot);
+  return {shared[0], shared[1]};
+}
+
 Coins MutatedSample::begin(uint64_t iteration) {
   iteration_low_ = UInt(static_cast<uint32_t>(iteration));
   iteration_high_ = UInt(static_cast<uint32_t>(iteration >> 32));
   stage_ = Stage::kFirst;
   const RngWords w = words(kCoinSlot);
-  return {unit_float(w[0]), unit_float(w[1]), unit_float(w[2])};
+  return {unit_float(words_of_pack(kPackCoinSlot)[0]), unit_float(w[1]), unit_float(w[2])};
 }
 
 // x: the current state where that has read the pair, fresh elsewhere.
@@ -53,18 +75,18 @@ FixedPair MutatedSample::start(const SlotState& s, const RngWords& w) const {
 
 void MutatedSample::propose(Slot slot, SlotState& s) const {
   const RngWords w = words(static_cast<uint32_t>(slot));
-  const FixedPair fresh{w[2], w[3]};
-  s.first = fresh;
+  const FixedPair anew = fresh(slot, w);
+  s.first = anew;
   if (all(steps_.large)) return;
   const FixedPair x = start(s, w);
-  s.first = select(steps_.large, fresh, moves_.first(slot, x, w[2], w[3]));
+  s.first = select(steps_.large, anew, moves_.first(slot, x, w[2], w[3]));
   const Mask subpath = steps_.subpath();
   if (none(subpath)) return;
   const primary_space::Stream stream = primary_space::stream_of(slot);
   const Mask drawn = stream == primary_space::Stream::kEye     ? steps_.eye
                      : stream == primary_space::Stream::kLight ? steps_.light
                                                                : no_lanes();
-  s.first = select(subpath, select(drawn, fresh, x), s.first);
+  s.first = select(subpath, select(drawn, anew, x), s.first);
 }
 
 FixedPair MutatedSample::second(Slot slot, const SlotState& s) const {

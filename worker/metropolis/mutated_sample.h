@@ -4,9 +4,13 @@
 // redrawing them is a Gibbs move that is valid at any time. So only the pairs that the current
 // state has read are kept, and all others are fresh whenever a proposal asks for them. The current
 // state x and the proposals y and z of both stages exist side by side, whichever of them reads a
-// pair. Every draw is a pure function of (chain, iteration, stage, slot).
+// pair. Every draw is a pure function of (chain, iteration, stage, slot), but for two that a pack
+// makes for all its chains, so that its lanes do alike work: the coin that chooses the kind of
+// step, and the technique of a large step. Each chain by itself is as if it drew them alone; chains
+// of one pack depend on each other a little.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -15,9 +19,20 @@
 
 namespace metrofarm::metropolis {
 
+// The chains of a pack, lane by lane, and the pack's number among those of the job.
+struct PackMembers {
+  // Chains first .. first + 7. Requires: a multiple of kLanes.
+  PackMembers(uint32_t first);  // NOLINT(google-explicit-constructor)
+  PackMembers(const std::array<uint32_t, kLanes>& chain_numbers, uint32_t pack_number)
+      : chains(chain_numbers), pack(pack_number) {}
+
+  std::array<uint32_t, kLanes> chains;
+  uint32_t pack;
+};
+
 // What one iteration draws beside coordinates.
 struct Coins {
-  Float step;        // which kind of step
+  Float step;        // which kind of step; the same in all lanes
   Float acceptance;  // below the acceptance probability: accept
   Float second;      // the same of the second stage
 };
@@ -41,8 +56,8 @@ struct Steps {
 
 class MutatedSample final : public primary_space::SampleSource {
  public:
-  // chain_ids: the chain of each lane; the key is that of the job's chains. `moves` outlives this.
-  MutatedSample(RngKey key, UInt chain_ids, const Moves& moves);
+  // key: of the job's chains. `moves` outlives this.
+  MutatedSample(RngKey key, const PackMembers& members, const Moves& moves);
 
   // Begins iteration number `iteration` (from 0), in its first stage, and returns its coins.
   Coins begin(uint64_t iteration);
@@ -82,6 +97,8 @@ class MutatedSample final : public primary_space::SampleSource {
 
   SlotState& slot_state(primary_space::Slot slot);
   RngWords words(uint32_t slot) const;
+  RngWords words_of_pack(uint32_t slot) const;
+  primary_space::FixedPair fresh(primary_space::Slot slot, const RngWords& words) const;
   primary_space::FixedPair start(const SlotState& state, const RngWords& words) const;
   void propose(primary_space::Slot slot, SlotState& state) const;
   primary_space::FixedPair second(primary_space::Slot slot, const SlotState& state) const;
@@ -91,6 +108,7 @@ class MutatedSample final : public primary_space::SampleSource {
 
   RngKey key_;
   UInt chains_;
+  UInt pack_;
   const Moves& moves_;
   UInt iteration_low_ = UInt(0U);
   UInt iteration_high_ = UInt(0U);

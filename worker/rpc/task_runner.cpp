@@ -140,13 +140,11 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
 namespace {
 
 void fill_sums(const work_unit::ChainGroup& group, farm::v1::SegmentResult& result) {
-  for (const work_unit::PackState& pack : group.state) {
-    for (const metropolis::LargeStepSums& sums : pack.chains.sums) {
-      farm::v1::LargeStepSums& out = *result.add_large_step_sums();
-      out.set_count(sums.count);
-      out.set_sum(sums.sum);
-      out.set_sum_squares(sums.sum_squares);
-    }
+  for (const metropolis::LargeStepSums& sums : work_unit::large_step_sums(group.state)) {
+    farm::v1::LargeStepSums& out = *result.add_large_step_sums();
+    out.set_count(sums.count);
+    out.set_sum(sums.sum);
+    out.set_sum_squares(sums.sum_squares);
   }
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "burn_in/bootstrap.h"
@@ -103,6 +104,7 @@ Result<GroupState> start_chains(const Context& context, const ChainSeeds& seeds)
     if (!(f > 0) || f != seeds.values[chain]) return replay_error(index, seeds.values[chain], f);
     PackState& pack = state[chain / kLanes];
     const int lane = chain % kLanes;
+    pack.members[lane] = static_cast<uint8_t>(chain);
     pack.chains.f[lane] = f;
     pack.payload[lane] = run.target().proposal(from);
     pack.pairs[lane] = run.bootstrap().pairs(from);
@@ -152,6 +154,13 @@ Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCos
 
 namespace {
 
+metropolis::PackMembers members_of(const ChainGroup& group, int pack) {
+  std::array<uint32_t, kLanes> chains;
+  for (int lane = 0; lane < kLanes; ++lane)
+    chains[lane] = group.group * kGroupSize + group.state[pack].members[lane];
+  return {chains, group.group * kPacksPerGroup + pack};
+}
+
 // splatter: may be null, then nothing is splatted.
 SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutations,
                       film::Splatter* splatter) {
@@ -159,17 +168,22 @@ SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutati
   RenderTarget target(context);
   metropolis::ChainCounts counts;
   const metropolis::Moves moves(spec.proposals());
-  for (int p = 0; p < kPacksPerGroup; ++p) {
-    const uint32_t first_chain = group.group * kGroupSize + p * kLanes;
-    target.begin_pack(splatter, group.group, first_chain);
-    ChainPack chains(
-        {rng_key(spec.seed, RngDomain::kChain), first_chain, moves, spec.unit, spec.layer_weights},
-        target);
-    load(chains, target, group.state[p]);
-    chains.advance(mutations);
-    chains.flush();
-    save(chains, target, group.state[p]);
-    counts += chains.counts();
+  const RngKey key = rng_key(spec.seed, RngDomain::kChain);
+  while (mutations > 0) {
+    const uint64_t since_deal = group.state[0].chains.iteration % kDealInterval;
+    if (since_deal == 0) deal(group.state);
+    const uint64_t now = std::min(mutations, kDealInterval - since_deal);
+    for (int p = 0; p < kPacksPerGroup; ++p) {
+      const metropolis::PackMembers members = members_of(group, p);
+      target.begin_pack(splatter, group.group, members);
+      ChainPack chains({key, members, moves, spec.unit, spec.layer_weights}, target);
+      load(chains, target, group.state[p]);
+      chains.advance(now);
+      chains.flush();
+      save(chains, target, group.state[p]);
+      counts += chains.counts();
+    }
+    mutations -= now;
   }
   SegmentOutput out;
   out.anomalies = target.anomalies();

@@ -76,7 +76,8 @@ std::string problem_with_steps(const Spec& spec) {
 }
 
 std::string problem_with_chains(const Spec& spec) {
-  return first_of({problem_with_proposals(spec), problem_with_steps(spec), problem_with_target(spec),
+  return first_of({problem_with_proposals(spec), problem_with_steps(spec),
+                   problem_with_target(spec),
                    spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
 }
 

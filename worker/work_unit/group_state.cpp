@@ -1,13 +1,15 @@
 #include "work_unit/group_state.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <tuple>
 #include <type_traits>
 
 namespace metrofarm::work_unit {
 namespace {
 
-constexpr uint32_t kMagic = 0x32534743;  // "CGS2"
+constexpr uint32_t kMagic = 0x33534743;  // "CGS3"
 
 class Writer {
  public:
@@ -48,6 +50,7 @@ class Reader {
 };
 
 void write_pack(Writer& w, const PackState& pack) {
+  for (uint8_t member : pack.members) w.put(member);
   w.put(pack.chains.iteration);
   w.put(pack.chains.serial);
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -108,6 +111,62 @@ bool read_lane(Reader& r, PackState& pack, int lane) {
 
 }  // namespace
 
+namespace {
+
+// A chain outside of any pack.
+struct Loose {
+  int light = 0, eye = 0;  // pairs that each subpath has read
+  uint8_t member = 0;
+  float f = 0;
+  metropolis::LargeStepSums sums;
+  RenderTarget::Payload payload;
+  std::vector<primary_space::StoredPair> pairs;
+};
+
+Loose take(PackState& pack, int lane) {
+  Loose chain{0,
+              0,
+              pack.members[lane],
+              pack.chains.f[lane],
+              pack.chains.sums[lane],
+              std::move(pack.payload[lane]),
+              std::move(pack.pairs[lane])};
+  for (const primary_space::StoredPair& pair : chain.pairs) {
+    const primary_space::Stream stream = primary_space::stream_of(pair.slot);
+    chain.light += stream == primary_space::Stream::kLight;
+    chain.eye += stream == primary_space::Stream::kEye;
+  }
+  return chain;
+}
+
+void put(Loose&& chain, PackState& pack, int lane) {
+  pack.members[lane] = chain.member;
+  pack.chains.f[lane] = chain.f;
+  pack.chains.sums[lane] = chain.sums;
+  pack.payload[lane] = std::move(chain.payload);
+  pack.pairs[lane] = std::move(chain.pairs);
+}
+
+}  // namespace
+
+void deal(GroupState& state) {
+  std::vector<Loose> chains;
+  chains.reserve(kGroupSize);
+  for (PackState& pack : state)
+    for (int lane = 0; lane < kLanes; ++lane) chains.push_back(take(pack, lane));
+  std::sort(chains.begin(), chains.end(), [](const Loose& a, const Loose& b) {
+    return std::tie(a.light, a.eye, a.member) < std::tie(b.light, b.eye, b.member);
+  });
+  for (int i = 0; i < kGroupSize; ++i) put(std::move(chains[i]), state[i / kLanes], i % kLanes);
+}
+
+std::vector<metropolis::LargeStepSums> large_step_sums(const GroupState& state) {
+  std::vector<metropolis::LargeStepSums> sums(kGroupSize);
+  for (const PackState& pack : state)
+    for (int lane = 0; lane < kLanes; ++lane) sums[pack.members[lane]] = pack.chains.sums[lane];
+  return sums;
+}
+
 std::string serialize(const GroupState& state) {
   Writer w;
   w.put(kMagic);
@@ -120,13 +179,20 @@ Result<GroupState> parse_group_state(std::string_view bytes) {
   Reader r(bytes);
   GroupState state;
   if (r.get<uint32_t>() != kMagic) return malformed;
+  uint64_t met = 0;  // a bit for each chain
   for (PackState& pack : state) {
+    for (uint8_t& member : pack.members) {
+      member = r.get<uint8_t>();
+      if (member < kGroupSize) met |= uint64_t{1} << member;
+    }
     pack.chains.iteration = r.get<uint64_t>();
     pack.chains.serial = r.get<uint64_t>();
+    if (pack.chains.iteration != state[0].chains.iteration) return malformed;
     for (int lane = 0; lane < kLanes; ++lane)
       if (!read_lane(r, pack, lane)) return malformed;
   }
-  if (!r.at_end()) return malformed;
+  static_assert(kGroupSize == 64);
+  if (!r.at_end() || met != ~uint64_t{0}) return malformed;
   return state;
 }
 

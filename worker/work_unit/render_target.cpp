@@ -45,12 +45,13 @@ RenderTarget::RenderTarget(const Context& context, std::unique_ptr<transport::Es
   for (transport::Contribution& c : found_) c.reset();
 }
 
-void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain) {
+void RenderTarget::begin_pack(film::Splatter* splatter, uint32_t group,
+                              const metropolis::PackMembers& members) {
   splatter_ = splatter;
   destination_.half = static_cast<int>(group % film::kHalves);
   destination_.group = static_cast<int>(group % film::kStatisticsGroups);
   for (int lane = 0; lane < kLanes; ++lane)
-    noise_[lane] = mix64(mix64(context_.spec().seed) + first_chain + lane);
+    noise_[lane] = mix64(mix64(context_.spec().seed) + members.chains[lane]);
 }
 
 Float RenderTarget::evaluate(primary_space::SampleSource& source, Which into, Mask lanes) {

@@ -7,6 +7,7 @@
 
 #include "diagnostics/anomalies.h"
 #include "film/film.h"
+#include "metropolis/mutated_sample.h"
 #include "metropolis/target.h"
 #include "transport/estimator.h"
 #include "work_unit/context.h"
@@ -19,9 +20,8 @@ class RenderTarget final : public metropolis::Target {
   explicit RenderTarget(const Context& context) : RenderTarget(context, context.make_estimator()) {}
   RenderTarget(const Context& context, std::unique_ptr<transport::Estimator> estimator);
 
-  // Where record() splats, nowhere if null: half and statistics group of the chains, and the first
-  // chain's number.
-  void begin_pack(film::Splatter* splatter, uint32_t group, uint32_t first_chain);
+  // Where record() splats, nowhere if null; the chains' group, and which they are.
+  void begin_pack(film::Splatter* splatter, uint32_t group, const metropolis::PackMembers& members);
 
   Float evaluate(primary_space::SampleSource& source, metropolis::Which into, Mask lanes) override;
   void accept(metropolis::Which from, Mask lanes) override;

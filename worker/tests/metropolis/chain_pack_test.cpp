@@ -190,8 +190,8 @@ TEST(ChainPack, CountsAddUp) {
   uint64_t larges = 0;
   for (const LargeStepSums& s : chains.large_step_sums()) larges += s.count;
   EXPECT_EQ(larges, c.large.tried);
-  // H0: a step is large with probability 0.3; 40,000 independent coins, rate 1e-6.
-  const double z = (double(c.large.tried) - 12000) / std::sqrt(40000 * 0.3 * 0.7);
+  // H0: a step is large with probability 0.3; 5,000 independent coins of the pack, rate 1e-6.
+  const double z = (double(c.large.tried) / kLanes - 1500) / std::sqrt(5000 * 0.3 * 0.7);
   EXPECT_GT(metrofarm::test::normal_p(z), 1e-6);
 }
 

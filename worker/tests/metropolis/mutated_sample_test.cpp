@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 #include "tests/support/histogram.h"
 #include "tests/support/lane_tools.h"
@@ -18,8 +20,11 @@ using test::lanes_of;
 
 const RngKey kKey = rng_key(7, RngDomain::kChain);
 
-UInt chains_from(uint32_t first) {
-  return UInt(first) + as_uint(Int(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)));
+// Chains first .. first + 7 as the job's first pack.
+PackMembers chains_from(uint32_t first) {
+  std::array<uint32_t, kLanes> chains;
+  std::iota(chains.begin(), chains.end(), first);
+  return {chains, 0};
 }
 
 Moves moves_of(SecondMove move) {
@@ -214,33 +219,66 @@ TEST(MutatedSample, ChainsDifferAndALaneDoesNotMatter) {
   EXPECT_NE(from_a[0], from_a[1]);
 }
 
-// H0: coins and fresh pairs are uniform and independent of each other: the large-step coin against
-// the acceptance coin, and the coin against a coordinate. 320,000 draws each, rate 1e-5 each.
+// H0: coins and fresh pairs are uniform and independent of each other: the coin of the step against
+// the acceptance coin, and that against a coordinate. 40,000 draws each of one lane after the
+// other, rate 1e-5 each.
 TEST(MutatedSample, CoinsAreUniformAndIndependent) {
   MutatedSample sample = make();
-  test::Histogram coins(20, 20), against_pair(20, 20), expected(20, 20);
+  test::Histogram coins(20, 20), against_pair(20, 20), technique(20, 20), expected(20, 20);
   constexpr int kIterations = 40000;
   for (int i = 0; i < kIterations; ++i) {
     const Coins c = sample.begin(i);
     sample.set_steps({.large = all_lanes()});
     const Pair p = sample.pair(0, all_lanes());
+    const Pair t = sample.pair(primary_space::kTechniqueSlot, all_lanes());
     sample.finish(no_lanes(), no_lanes());
-    for (int lane = 0; lane < kLanes; ++lane) {
-      coins.add(lane_value(c.step, lane), lane_value(c.acceptance, lane));
-      against_pair.add(lane_value(c.acceptance, lane), lane_value(p.first, lane));
-    }
+    const int lane = i % kLanes;
+    coins.add(lane_value(c.step, lane), lane_value(c.acceptance, lane));
+    against_pair.add(lane_value(c.acceptance, lane), lane_value(p.first, lane));
+    technique.add(lane_value(t.first, lane), lane_value(t.second, lane));
   }
   for (int x = 0; x < 20; ++x)
-    for (int y = 0; y < 20; ++y) expected.add_to(x, y, kIterations * kLanes / 400.0);
-  EXPECT_TRUE(test::follows(coins.counts(), expected.counts(), 1e-5));
-  EXPECT_TRUE(test::follows(against_pair.counts(), expected.counts(), 1e-5));
+    for (int y = 0; y < 20; ++y) expected.add_to(x, y, kIterations / 400.0);
+  for (const test::Histogram& h : {coins, against_pair, technique})
+    EXPECT_TRUE(test::follows(h.counts(), expected.counts(), 1e-5));
+}
+
+// The lanes of a pack take the same kind of step, and the same technique in large ones, whichever
+// chains they run; all else is each chain's own.
+TEST(MutatedSample, APackSharesCoinAndTechnique) {
+  const PackMembers first = chains_from(0);
+  PackMembers other = chains_from(40), elsewhere = chains_from(0);
+  elsewhere.pack = 1;
+  struct Drawn {
+    std::array<float, kLanes> step, technique, film;
+  };
+  const auto draw = [](const PackMembers& members) {
+    MutatedSample sample(kKey, members, kOrbital);
+    const Coins coins = sample.begin(77);
+    sample.set_steps({.large = all_lanes()});
+    return Drawn{lanes_of(coins.step),
+                 lanes_of(sample.pair(primary_space::kTechniqueSlot, all_lanes()).first),
+                 lanes_of(sample.pair(primary_space::kFilmSlot, all_lanes()).first)};
+  };
+  const Drawn a = draw(first), b = draw(other), c = draw(elsewhere);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    EXPECT_EQ(a.step[lane], a.step[0]);
+    EXPECT_EQ(a.technique[lane], a.technique[0]);
+    EXPECT_NE(a.film[lane], b.film[lane]);
+  }
+  EXPECT_EQ(a.step, b.step);
+  EXPECT_EQ(a.technique, b.technique);
+  EXPECT_NE(a.step, c.step);
+  EXPECT_NE(a.technique, c.technique);
+  EXPECT_EQ(a.film, c.film);
+  EXPECT_NE(a.film[0], a.film[1]);
 }
 
 // An eye step draws the eye's pairs anew and keeps every other bit, a light step the light's.
 TEST(MutatedSample, SubpathStepsKeepTheOtherSubpath) {
   using primary_space::Decision;
   const Moves moves{Proposals{}};
-  MutatedSample sample(rng_key(4, RngDomain::kChain), UInt(1U), moves);
+  MutatedSample sample(rng_key(4, RngDomain::kChain), 8, moves);
   const std::vector<primary_space::Slot> eye = {primary_space::kFilmSlot, primary_space::kLensSlot,
                                                 primary_space::eye_slot(0, Decision::kLightPoint),
                                                 primary_space::eye_slot(3, Decision::kLobe)};

@@ -263,11 +263,11 @@ TEST(Subpaths, AreDrawnAsOftenAsAskedFor) {
   const ChainCounts c = run(setup, 23).counts;
   EXPECT_EQ(c.large.tried + c.small.tried + c.subpath.tried, c.mutations);
   EXPECT_EQ(c.second_after_small.tried, c.small.tried - c.small.accepted);
-  // H0: binomial with p = 0.45; rate 1e-5.
-  const double n = double(c.mutations), p = 0.45;
-  EXPECT_GT(
-      metrofarm::test::normal_p((double(c.subpath.tried) - n * p) / std::sqrt(n * p * (1 - p))),
-      1e-5);
+  // H0: binomial with p = 0.45, a coin for each pack and iteration; rate 1e-5.
+  const double n = double(c.mutations) / kLanes, p = 0.45;
+  EXPECT_GT(metrofarm::test::normal_p((double(c.subpath.tried) / kLanes - n * p) /
+                                      std::sqrt(n * p * (1 - p))),
+            1e-5);
   EXPECT_GT(c.subpath.accepted, c.subpath.tried / 10);
 }
 

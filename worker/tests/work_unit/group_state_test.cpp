@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <numeric>
 #include <random>
 
 namespace metrofarm::work_unit {
@@ -11,10 +14,15 @@ GroupState random_state(uint64_t seed) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<float> uniform(0.01F, 10);
   GroupState state;
+  std::array<uint8_t, kGroupSize> members;
+  std::iota(members.begin(), members.end(), uint8_t{0});
+  std::shuffle(members.begin(), members.end(), random);
+  const uint64_t iteration = random();
   for (PackState& pack : state) {
-    pack.chains.iteration = random();
+    pack.chains.iteration = iteration;
     pack.chains.serial = random();
     for (int lane = 0; lane < kLanes; ++lane) {
+      pack.members[lane] = members[(&pack - state.data()) * kLanes + lane];
       pack.chains.f[lane] = uniform(random);
       pack.chains.sums[lane] = {random(), double(uniform(random)), double(uniform(random))};
       for (uint64_t i = 1 + random() % 5; i > 0; --i) {
@@ -92,6 +100,57 @@ TEST(GroupState, StatesThatNoChainHasAreRefused) {
     bad[2].payload[3].back().rgb[1] = v;
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "radiance " << v;
   }
+}
+
+TEST(GroupState, EveryChainIsInOnePackAndAllAreAsFar) {
+  GroupState bad = random_state(6);
+  bad[1].members[0] = bad[2].members[0];
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+  bad = random_state(6);
+  bad[1].members[0] = kGroupSize;
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+  bad = random_state(6);
+  ++bad[4].chains.iteration;
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+}
+
+int light_pairs(const std::vector<primary_space::StoredPair>& pairs) {
+  return static_cast<int>(std::count_if(pairs.begin(), pairs.end(), [](const auto& p) {
+    return primary_space::stream_of(p.slot) == primary_space::Stream::kLight;
+  }));
+}
+
+// Dealing moves whole chains, sorts them, and comes to the same whatever the packs were before.
+TEST(Deal, SortsChainsByTheirSubpaths) {
+  GroupState state = random_state(7);
+  std::vector<std::pair<float, double>> before(kGroupSize);
+  for (const PackState& pack : state)
+    for (int lane = 0; lane < kLanes; ++lane)
+      before[pack.members[lane]] = {pack.chains.f[lane], pack.chains.sums[lane].sum};
+  GroupState other = state;
+  std::swap(other[0].members, other[5].members);
+  std::swap(other[0].payload, other[5].payload);
+  std::swap(other[0].pairs, other[5].pairs);
+  std::swap(other[0].chains.f, other[5].chains.f);
+  std::swap(other[0].chains.sums, other[5].chains.sums);
+  deal(state);
+  deal(other);
+  int previous = 0, moved = 0;
+  for (int i = 0; i < kGroupSize; ++i) {
+    const PackState& pack = state[i / kLanes];
+    const int lane = i % kLanes, member = pack.members[lane];
+    EXPECT_EQ(member, other[i / kLanes].members[lane]);
+    EXPECT_EQ(pack.chains.f[lane], before[member].first);
+    EXPECT_EQ(pack.chains.sums[lane].sum, before[member].second);
+    const int light = light_pairs(pack.pairs[lane]);
+    EXPECT_GE(light, previous);
+    previous = light;
+    moved += member != i;
+  }
+  EXPECT_GT(moved, kGroupSize / 2);
+  const auto sums = large_step_sums(state);
+  for (int member = 0; member < kGroupSize; ++member)
+    EXPECT_EQ(sums[member].sum, before[member].second);
 }
 
 TEST(GroupState, SlotsBeyondTheSpaceAreRefused) {
