@@ -1,4 +1,10 @@
-"""How errors fall with the number of samples: fitted slopes, and what is left at infinity."""
+"""How errors fall with the number of samples: fitted slopes, and what is left at infinity.
+
+On simulated errors (counts 256, 1024, 2048, 5000; five renders each; squared errors that scatter by
+5 %) each of the three intervals excludes the truth in 1 % of cases. A floor of a tenth of the last
+squared error is found by the slope in 50 %, by the floor in 67 %, by the gain of the mean in 94 %;
+one of three tenths always.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

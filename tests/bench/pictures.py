@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot
 
 DPI = 100
-MAGNIFICATION = 2
+SHOWN_WIDTH = 192  # pixels
 COLOURS = 256
 
 
@@ -30,19 +30,20 @@ def contact_sheet(
     """Labelled images of one size, magnified without smoothing, in a palette that keeps the file
     small."""
     height, width = rows[0][0][1].shape[:2]
+    times = max(1, round(SHOWN_WIDTH / width))
+    gap, label = 6, 24
+    shown = (times * width, times * height)
     columns = max(len(row) for row in rows)
-    label = 24
-    size = (columns * (MAGNIFICATION * width + 6), len(rows) * (MAGNIFICATION * height + label))
+    size = (columns * (shown[0] + gap), len(rows) * (shown[1] + label))
     figure = pyplot.figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
     for i, row in enumerate(rows):
         for j, (title, image) in enumerate(row):
-            left = j * (MAGNIFICATION * width + 6) + 3
-            bottom = size[1] - (i + 1) * (MAGNIFICATION * height + label)
-            box = (left / size[0], bottom / size[1])
-            box += (MAGNIFICATION * width / size[0], MAGNIFICATION * height / size[1])
+            left = (j * (shown[0] + gap) + gap / 2) / size[0]
+            bottom = 1 - (i + 1) * (shown[1] + label) / size[1]
+            box = (left, bottom, shown[0] / size[0], shown[1] / size[1])
             axes = figure.add_axes(box)
             axes.imshow(tone_mapped(image, exposure), interpolation="nearest")
-            axes.set_title(title, fontsize=8, pad=3)
+            axes.set_title(title, fontsize=7, pad=3)
             axes.set_axis_off()
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
@@ -57,8 +58,8 @@ def sequence_plot(panels: Mapping[str, Mapping[str, Points]], out: Path) -> None
     """Medians with the smallest and largest, and a line that falls as the inverse root."""
     figure, all_axes = pyplot.subplots(1, len(panels), figsize=(5 * len(panels), 4.2))
     for axes, (measure, by_name) in zip(all_axes, panels.items(), strict=True):
+        counts = [count for count, _ in next(iter(by_name.values()))]
         for name, points in by_name.items():
-            counts = [count for count, _ in points]
             middle = [statistics.median(errors) for _, errors in points]
             below = [m - min(errors) for m, (_, errors) in zip(middle, points, strict=True)]
             above = [max(errors) - m for m, (_, errors) in zip(middle, points, strict=True)]
@@ -68,6 +69,8 @@ def sequence_plot(panels: Mapping[str, Mapping[str, Points]], out: Path) -> None
         axes.plot(ends, 1.6 * level * np.sqrt(ends[0] / ends), "k--", label="slope -1/2")
         axes.set_xscale("log")
         axes.set_yscale("log")
+        axes.set_xticks(counts, [f"{count:.0f}" for count in counts])
+        axes.set_xticks([], minor=True)
         axes.set_xlabel("mutations per pixel")
         axes.set_ylabel(measure)
         axes.grid(True, which="both", alpha=0.25)

@@ -1,21 +1,22 @@
 #!/usr/bin/env python3
 """The experiments of Meng's report "PSSMLT with Delayed Rejection", repeated (`make report`).
 
-usage: report.py [--quick] [--out DIR]
+usage: report.py [--quick] [--width W] [--sequence-seeds N] [--out DIR]
 
 1. Plates and lights at 32 mutations per pixel: PSSMLT with four widths of a Gaussian kernel, with
    and without delayed rejection, with light sampling by MIS and by BSDF sampling alone.
 2. The same at growing numbers of mutations: does the error fall as the inverse root, and to zero?
 3. Coordinates that chains draw per mutation, beside the dimension of the deepest path.
 
-Writes report.md, report.json and pictures. About 25 minutes on two cores, --quick 2 minutes at a
-quarter of the pixels. Evaluations are paths: a second stage counts as the one that it is.
+Writes report.md, report.json and pictures. About 25 minutes on two idle cores, --quick 2 minutes
+with a quarter of the pixels and fewer mutations. The scene has 3 rows of pixels for 4 columns.
+Evaluations are paths: a second stage counts as the one that it is.
 """
 
 import argparse
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from plates import (
 from rendering import provenance
 from report_text import (
     Runs,
+    bright_findings,
     fit_table,
     sequence_findings,
     sequence_table,
@@ -63,7 +65,7 @@ class Extent:
     laziness_per_pixel: int
 
 
-FULL = Extent(96, 72, 6144, 5, (256, 1024, 2048, 5000), 5, 64)
+FULL = Extent(96, 72, 4096, 5, (256, 1024, 2048, 5000), 5, 16)
 QUICK = Extent(48, 36, 1024, 2, (64, 128, 256, 512), 2, 8)
 
 Images = dict[Chains | str, np.ndarray]
@@ -78,6 +80,7 @@ class Results:
     rows: list[laziness.Row]
     sequences: sequence.Sequences
     fits: dict[Chains, dict[str, sequence.Fit]]
+    bright_shares: list[float]
 
 
 def measure_sigmas(experiment: Experiment, seeds: int) -> tuple[Runs, Images]:
@@ -187,6 +190,8 @@ uncertainty of what is subtracted for the reference.
 
 {fit_table(results.fits)}
 
+{bright_findings(results.bright_shares)}
+
 {sequence_findings(sequences, results.fits, seeds)}
 
 ## What lazy evaluation saves
@@ -240,12 +245,21 @@ def measure_laziness(per_pixel: int) -> list[laziness.Row]:
     return rows
 
 
+def chosen_extent(arguments: argparse.Namespace) -> Extent:
+    extent = QUICK if arguments.quick else FULL
+    width = arguments.width or extent.width
+    seeds = arguments.sequence_seeds or extent.sequence_seeds
+    return replace(extent, width=width, height=3 * width // 4, sequence_seeds=seeds)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="The report's experiments, repeated")
     parser.add_argument("--quick", action="store_true", help="fewer pixels, seeds and mutations")
+    parser.add_argument("--width", type=int, default=0, help="of the image; default 96, quick 48")
+    parser.add_argument("--sequence-seeds", type=int, default=0, help="default 5, quick 2")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "bench")
     arguments = parser.parse_args()
-    extent = QUICK if arguments.quick else FULL
+    extent = chosen_extent(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     experiment = prepare(
         ROOT / "build" / "bench" / "plates", extent.width, extent.height, extent.reference_samples
@@ -256,7 +270,8 @@ def main() -> None:
     sequences = sequence.measure(experiment, extent.counts, extent.sequence_seeds)
     draw_sequences(sequences, arguments.out)
     fits = {chains: sequence.fit(experiment, sequences, chains) for chains in sequences.runs}
-    results = Results(extent, runs, rows, sequences, fits)
+    bright = sequence.bright_shares(experiment, sequences)
+    results = Results(extent, runs, rows, sequences, fits, bright)
     text = document_text(results)
     (arguments.out / "report.md").write_text(text)
     (arguments.out / "report.json").write_text(json.dumps(document(results), indent=1) + "\n")

@@ -74,6 +74,15 @@ def fit(experiment: Experiment, sequences: Sequences, chains: Chains) -> dict[st
     }
 
 
+def bright_shares(experiment: Experiment, sequences: Sequences) -> list[float]:
+    """Of the squared error at the last count: what the brightest hundredth of pixels carries."""
+    mean = experiment.reference.mean
+    brightness = mean.mean(axis=-1)
+    bright = brightness >= np.quantile(brightness, 0.99)
+    squares = [((images[-1] - mean) ** 2).sum(axis=-1) for images in sequences.images.values()]
+    return [float(s[bright].sum() / s.sum()) for s in squares]
+
+
 def fit_one(
     levels: list[list[Run]], errors: list[list[float]], of_mean: float, uncertainty: float
 ) -> Fit:
