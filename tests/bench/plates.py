@@ -47,6 +47,7 @@ class Run:
     evaluations: float
     cpu_seconds: float
     mse: float
+    mse_elsewhere: float
     relative_mse: float
     acceptance: dict[str, float | None]
     anomalies: int
@@ -67,6 +68,7 @@ class Experiment:
             stats["path_evaluations"] / pixels,
             stats["cpu_seconds"],
             self.reference.mse(image),
+            self.reference.mse_elsewhere(image),
             self.reference.relative_mse(image),
             stats["acceptance"],
             sum(stats["anomalies"].values()),

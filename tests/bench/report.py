@@ -68,6 +68,9 @@ class Extent:
 FULL = Extent(96, 72, 4096, 5, (256, 1024, 2048, 5000), 5, 16)
 QUICK = Extent(48, 36, 1024, 2, (64, 128, 256, 512), 2, 8)
 
+# Name of a measure and the figure of a run that is its square.
+MEASURES = {"RMSE": "mse", "RMSE elsewhere": "mse_elsewhere", "root of relMSE": "relative_mse"}
+
 Images = dict[Chains | str, np.ndarray]
 
 
@@ -126,9 +129,9 @@ def draw_sequences(sequences: sequence.Sequences, out: Path) -> None:
             ]
         )
     contact_sheet(rows, EXPOSURE, out / "report-sequence.png")
-    panels: dict[str, dict[str, Any]] = {"RMSE": {}, "root of relMSE": {}}
+    panels: dict[str, dict[str, Any]] = {name: {} for name in MEASURES}
     for chains, levels in sequences.runs.items():
-        for measure, figure in (("RMSE", "mse"), ("root of relMSE", "relative_mse")):
+        for measure, figure in MEASURES.items():
             panels[measure][chains.name] = [
                 (runs[0].mutations, [getattr(run, figure) ** 0.5 for run in runs])
                 for runs in levels
@@ -186,7 +189,8 @@ render with a seed of its own.
 Slopes of log error over log mutations. The floor is F of squared error = a / n + F. The gain is the
 squared error of one image over that of the mean of all {seeds} at the last count:
 {seeds} if it is noise, 1 if it is bias. ± is half a 99 % interval; the floor's holds the
-uncertainty of what is subtracted for the reference.
+uncertainty of what is subtracted for the reference. Elsewhere: without the brightest hundredth of
+the pixels.
 
 {fit_table(results.fits)}
 

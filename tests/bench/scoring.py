@@ -29,6 +29,16 @@ class Reference:
         """mean of (x - ref)^2."""
         return float(((image - self.mean) ** 2 - self.standard_error**2).mean())
 
+    def bright(self) -> np.ndarray:
+        """The brightest hundredth of the pixels: (height, width)."""
+        brightness = self.mean.mean(axis=-1)
+        return brightness >= np.quantile(brightness, 0.99)
+
+    def mse_elsewhere(self, image: np.ndarray) -> float:
+        """The same of all but the brightest hundredth of the pixels."""
+        squares = (image - self.mean) ** 2 - self.standard_error**2
+        return float(squares[~self.bright()].mean())
+
     def relative_mse(self, image: np.ndarray) -> float:
         """mean of (x - ref)^2 / (ref^2 + 0.01 mean(ref)^2)."""
         squares = (image - self.mean) ** 2 - self.standard_error**2

@@ -65,6 +65,12 @@ def fit(experiment: Experiment, sequences: Sequences, chains: Chains) -> dict[st
             reference.mse(sequences.means[chains]),
             noise_uncertainty(reference, ones),
         ),
+        "RMSE elsewhere": fit_one(
+            sequences.runs[chains],
+            [[run.mse_elsewhere for run in runs] for runs in sequences.runs[chains]],
+            reference.mse_elsewhere(sequences.means[chains]),
+            noise_uncertainty(reference, ones * ~reference.bright()[..., None]),
+        ),
         "root of relMSE": fit_one(
             sequences.runs[chains],
             [[run.relative_mse for run in runs] for runs in sequences.runs[chains]],
@@ -77,8 +83,7 @@ def fit(experiment: Experiment, sequences: Sequences, chains: Chains) -> dict[st
 def bright_shares(experiment: Experiment, sequences: Sequences) -> list[float]:
     """Of the squared error at the last count: what the brightest hundredth of pixels carries."""
     mean = experiment.reference.mean
-    brightness = mean.mean(axis=-1)
-    bright = brightness >= np.quantile(brightness, 0.99)
+    bright = experiment.reference.bright()
     squares = [((images[-1] - mean) ** 2).sum(axis=-1) for images in sequences.images.values()]
     return [float(s[bright].sum() / s.sum()) for s in squares]
 
