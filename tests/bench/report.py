@@ -157,7 +157,8 @@ def document_text(results: Results) -> str:
     saved = [row.saved for row in results.rows]
     return f"""# Meng's experiments, repeated
 
-{provenance()}. Written by `tests/bench/report.py` (`make report`).
+{provenance()}. Written by
+`tests/bench/report.py {" ".join(sys.argv[1:])}` (`make report`).
 
 {scene_text(extent)}
 
