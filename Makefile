@@ -9,12 +9,13 @@ PYTHON := $(CURDIR)/.tools/python/bin/python
 SETUP := tests/setup/setup.sh
 BENCH_ARGS ?=
 RATE_ARGS ?=
+REPORT_ARGS ?=
 # Names of patches in tests/sabotage; empty: all.
 SABOTAGE ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help build worker worker-tests services web demo test agreement references bench sabotage stress \
-        cluster format lint sanitize setup setup-test setup-bench clean
+.PHONY: help build worker worker-tests services web demo test agreement references bench report sabotage \
+        stress cluster format lint sanitize setup setup-test setup-bench clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -33,6 +34,9 @@ agreement: build ## image agreement with Mitsuba 3, long form (hours)
 bench: build setup-test setup-bench ## run time against error, and rates, beside Mitsuba 3
 	.tools/bench/bin/python tests/bench/bench.py $(RATE_ARGS)
 	.tools/python/bin/python tests/bench/efficiency.py $(BENCH_ARGS)
+
+report: build setup-test setup-bench ## widths of kernels, rates of convergence, what laziness saves
+	.tools/python/bin/python tests/bench/report.py $(REPORT_ARGS)
 
 sabotage: build setup-test ## plant bugs, one at a time; each must turn a test red
 	$(PYTHON) tests/sabotage/sabotage.py $(SABOTAGE)

@@ -18,25 +18,21 @@ Writes efficiency.json, efficiency.md and a log-log plot per scene.
 import argparse
 import json
 import statistics
-import subprocess
 import sys
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
-from scoring import Reference, read_reference, read_rgb
+from rendering import by_metrofarm, by_mitsuba, provenance
+from scoring import Reference, read_reference
 from variants import VARIANTS, BenchScene, Variant, all_scenes
 
-from bench import ROOT, machine
+from bench import ROOT
 
 matplotlib.use("Agg")
 from matplotlib import pyplot
 
-METROFARM = ROOT / "bin" / "metrofarm"
-MITSUBA = ROOT / ".tools" / "bench" / "bin" / "python"
 FRACTIONS = (0.25, 0.5, 1.0)
 TRIAL_PER_PIXEL = 16
 
@@ -49,33 +45,6 @@ class Run:
     cpu_seconds: float
     relative_mse: float
     anomalies: int
-
-
-def run(command: list[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)}\n{done.stderr}")
-    return done.stdout
-
-
-def by_mitsuba(scene: BenchScene, variant: Variant, per_pixel: int, seed: int) -> tuple[Any, Any]:
-    with tempfile.TemporaryDirectory() as scratch:
-        out = Path(scratch) / "image.npy"
-        command = [str(MITSUBA), str(Path(__file__).parent / "mitsuba_image.py"), variant.mitsuba]
-        command += [str(scene.scene), str(per_pixel), str(scene.width), str(scene.height)]
-        stats = json.loads(run([*command, str(seed), str(out)]))
-        return np.load(out), stats
-
-
-def by_metrofarm(scene: BenchScene, variant: Variant, per_pixel: int, seed: int) -> tuple[Any, Any]:
-    budget = "--mutations-per-pixel" if variant.chains else "--spp"
-    with tempfile.TemporaryDirectory() as scratch:
-        out, stats = Path(scratch) / "image.exr", Path(scratch) / "stats.json"
-        command = [str(METROFARM), "render", str(scene.scene), "-o", str(out), *variant.words]
-        command += [budget, str(per_pixel), "--seed", str(seed), "--threads", "2"]
-        command += ["--width", str(scene.width), "--height", str(scene.height)]
-        run([*command, "--stats", str(stats)])
-        return read_rgb(out), json.loads(stats.read_text())
 
 
 def render(
@@ -166,12 +135,9 @@ def plot(scene: str, by_variant: dict[str, list[list[Run]]], out: Path) -> None:
 
 
 def header(arguments: argparse.Namespace) -> str:
-    commit = run(["git", "-C", str(ROOT), "describe", "--always", "--dirty"]).strip()
-    version = run([str(METROFARM), "version"]).strip()
     return (
         f"C = relMSE x CPU seconds (smaller is better; bold: the scene's best), median (smallest.."
-        f"largest) of {arguments.seeds} seeds at {arguments.seconds:g} CPU seconds; {machine()}; "
-        f"{version}, commit {commit}; Mitsuba 3.9.1"
+        f"largest) of {arguments.seeds} seeds at {arguments.seconds:g} CPU seconds; {provenance()}"
     )
 
 

@@ -16,25 +16,40 @@ def read_rgb(path: Path) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Reference:
-    """mean: (height, width, 3). noise: relMSE that the reference's own error adds to any image."""
+    """What an image converges to, and the standard error of that: (height, width, 3) each. Errors
+    against it are stated less what its own noise adds to them."""
 
     mean: np.ndarray
-    noise: float
+    standard_error: np.ndarray
 
     def scale(self) -> np.ndarray:
         return self.mean**2 + 0.01 * self.mean.mean() ** 2
 
+    def mse(self, image: np.ndarray) -> float:
+        """mean of (x - ref)^2."""
+        return float(((image - self.mean) ** 2 - self.standard_error**2).mean())
+
+    def bright(self) -> np.ndarray:
+        """The brightest hundredth of the pixels: (height, width)."""
+        brightness = self.mean.mean(axis=-1)
+        return brightness >= np.quantile(brightness, 0.99)
+
+    def mse_elsewhere(self, image: np.ndarray) -> float:
+        """The same of all but the brightest hundredth of the pixels."""
+        squares = (image - self.mean) ** 2 - self.standard_error**2
+        return float(squares[~self.bright()].mean())
+
     def relative_mse(self, image: np.ndarray) -> float:
-        """mean of (x - ref)^2 / (ref^2 + 0.01 mean(ref)^2), less the reference's own noise."""
-        return float(((image - self.mean) ** 2 / self.scale()).mean() - self.noise)
+        """mean of (x - ref)^2 / (ref^2 + 0.01 mean(ref)^2)."""
+        squares = (image - self.mean) ** 2 - self.standard_error**2
+        return float((squares / self.scale()).mean())
 
 
 def read_reference(path: Path) -> Reference:
     """An .npz with mean and standard error, or an .exr whose own noise is unknown: taken as 0, so
     that errors are stated too large."""
     if path.suffix == ".exr":
-        return Reference(read_rgb(path), 0.0)
+        mean = read_rgb(path)
+        return Reference(mean, np.zeros_like(mean))
     stored = np.load(path)
-    bare = Reference(stored["mean"].astype(np.float64), 0.0)
-    noise = float((stored["standard_error"].astype(np.float64) ** 2 / bare.scale()).mean())
-    return Reference(bare.mean, noise)
+    return Reference(stored["mean"].astype(float), stored["standard_error"].astype(float))
