@@ -75,15 +75,17 @@ def measure(
     references = {scene.name: read_reference(scene.reference) for scene in scenes}
     plan: dict[tuple[str, str], list[int]] = {}
     for scene in scenes:
-        for variant in variants:
+        for variant in filter(scene.takes, variants):
             plan[scene.name, variant.name] = budgets(
                 scene, variant, references[scene.name], seconds
             )
         print(f"trials: {scene.name}", file=sys.stderr)
-    figures: Figures = {s.name: {v.name: [[] for _ in FRACTIONS] for v in variants} for s in scenes}
+    figures: Figures = {
+        s.name: {v.name: [[] for _ in FRACTIONS] for v in filter(s.takes, variants)} for s in scenes
+    }
     for seed in range(1, seeds + 1):
         for scene in scenes:
-            for variant in variants:
+            for variant in filter(scene.takes, variants):
                 for level, per_pixel in enumerate(plan[scene.name, variant.name]):
                     figures[scene.name][variant.name][level].append(
                         render(scene, variant, references[scene.name], per_pixel, seed)
@@ -97,7 +99,7 @@ def constants(runs: list[Run]) -> list[float]:
 
 
 def table(figures: Figures, header: str) -> str:
-    names = list(next(iter(figures.values())))
+    names = list(dict.fromkeys(name for by_variant in figures.values() for name in by_variant))
     lines = [
         header,
         "",
@@ -110,6 +112,9 @@ def table(figures: Figures, header: str) -> str:
         best = min(medians.values())
         cells = []
         for name in names:
+            if name not in c:
+                cells.append("")
+                continue
             text = f"{medians[name]:.3g}"
             text = f"**{text}**" if medians[name] == best else text
             cells.append(f"{text} ({c[name][0]:.2g}..{c[name][-1]:.2g})")
