@@ -1,5 +1,5 @@
-// Eight Markov chains side by side. A pack advances its chains together; which chains it has depends
-// on their states alone, so rays travel in packets composed alike on every machine.
+// Eight Markov chains side by side. A pack advances its chains together; which chains it has
+// depends on their states alone, so rays travel in packets composed alike on every machine.
 #pragma once
 
 #include <array>
