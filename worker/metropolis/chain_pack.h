@@ -8,6 +8,7 @@
 #include "metropolis/acceptance.h"
 #include "metropolis/kernel.h"
 #include "metropolis/mutated_sample.h"
+#include "metropolis/stays.h"
 #include "metropolis/target.h"
 
 namespace metrofarm::metropolis {
@@ -41,6 +42,7 @@ struct ChainCounts {
   uint64_t pairs_read = 0;   // by all evaluations
   Tries large, small;
   Tries second_after_large, second_after_small;
+  StayCounts stays;
 
   ChainCounts& operator+=(const ChainCounts& o) {
     mutations += o.mutations;
@@ -50,6 +52,7 @@ struct ChainCounts {
     small += o.small;
     second_after_large += o.second_after_large;
     second_after_small += o.second_after_small;
+    stays += o.stays;
     return *this;
   }
 };
@@ -81,6 +84,7 @@ class ChainPack {
     uint64_t serial = 0;
     alignas(32) float f[kLanes] = {};
     std::array<LargeStepSums, kLanes> sums;
+    Stays::Lengths stays{};
   };
   State state() const;
   // Requires: every f[i] > 0 and restore of every lane's sample.
@@ -122,6 +126,7 @@ class ChainPack {
   Float f_ = Float(0.F);
   Float weight_ = Float(0.F);  // gathered by the current states and not yet recorded
   ChainCounts counts_;
+  Stays stays_;
   std::array<LargeStepSums, kLanes> sums_;
 };
 

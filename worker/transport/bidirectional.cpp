@@ -70,6 +70,7 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
   eye.direction = ray.direction;
   for (int edges = 1; edges <= depth_limit_ && any(eye.active); ++edges) {
     Interaction v;
+    sample.out.edges = select(eye.active, Int(edges), sample.out.edges);
     count_rays(eye.active);
     v.hits = scene_.tracer().intersect(eye.active, eye.origin, eye.direction);
     if (edges == 1) v.hits.hit = v.hits.hit & (v.hits.t <= ray.t_max);

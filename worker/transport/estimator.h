@@ -27,8 +27,15 @@ struct Splat {
 // that paths from emitters carry to the camera. Lanes that have nothing are black.
 struct Contribution {
   std::vector<Splat> splats;
+  // Multiplexed: edges of the path and vertices of its light subpath. Else: edges that the eye path
+  // followed, and 0.
+  Int edges = Int(0);
+  Int light_vertices = Int(0);
 
-  void reset() { splats.assign(1, Splat{}); }
+  void reset() {
+    splats.assign(1, Splat{});
+    edges = light_vertices = Int(0);
+  }
   // Adds to splat i, whose raster position it sets.
   void add(size_t i, const Splat& splat, Mask lanes);
   // Sum over all splats.

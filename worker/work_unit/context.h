@@ -2,6 +2,7 @@
 // it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -11,6 +12,7 @@
 #include "film/film.h"
 #include "metropolis/acceptance.h"
 #include "metropolis/delayed_rejection.h"
+#include "metropolis/stays.h"
 #include "transport/multiplexed.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
@@ -114,6 +116,23 @@ class Context {
   int cells_x_, cells_y_;
 };
 
+// First-stage proposals, and those accepted, by a small number.
+struct Shares {
+  // Greater numbers count as the largest.
+  static constexpr int kLargest = 32;
+
+  void add(Int numbers, uint32_t accepted_lanes) {
+    alignas(32) int32_t at[kLanes];
+    xsimd::min(numbers, Int(kLargest)).store_aligned(at);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      ++proposed[at[lane]];
+      accepted[at[lane]] += accepted_lanes >> lane & 1;
+    }
+  }
+
+  std::array<uint64_t, kLargest + 1> proposed{}, accepted{};
+};
+
 // Counts of one segment; equal work gives equal counts.
 struct Counts {
   uint64_t mutations = 0;
@@ -125,6 +144,9 @@ struct Counts {
   uint64_t second_stages = 0, second_accepted = 0;
   uint64_t second_after_large = 0, second_after_large_accepted = 0;
   uint64_t coordinates = 0;  // that the proposals of all stages asked for
+  // By edges and by light vertices, see transport::Contribution; the latter multiplexed only.
+  Shares lengths, techniques;
+  metropolis::StayCounts stays;
 
   // What independent paths beside the chains cost.
   void add_costs(const Counts& o) {

@@ -15,16 +15,17 @@ namespace {
 // Trailing splats that are black in this lane are left out.
 RenderTarget::Payload payload_of(const transport::Contribution& c, int lane) {
   RenderTarget::Payload out;
+  out.light_vertices = static_cast<int32_t>(lane_word(as_uint(c.light_vertices), lane));
   size_t used = 1;
   for (const transport::Splat& s : c.splats) {
-    out.push_back({lane_value(s.raster_x, lane),
-                   lane_value(s.raster_y, lane),
-                   {lane_value(s.radiance.x, lane), lane_value(s.radiance.y, lane),
-                    lane_value(s.radiance.z, lane)}});
-    const float* rgb = out.back().rgb;
-    if (rgb[0] != 0 || rgb[1] != 0 || rgb[2] != 0) used = out.size();
+    out.splats.push_back({lane_value(s.raster_x, lane),
+                          lane_value(s.raster_y, lane),
+                          {lane_value(s.radiance.x, lane), lane_value(s.radiance.y, lane),
+                           lane_value(s.radiance.z, lane)}});
+    const float* rgb = out.splats.back().rgb;
+    if (rgb[0] != 0 || rgb[1] != 0 || rgb[2] != 0) used = out.splats.size();
   }
-  out.resize(used);
+  out.splats.resize(used);
   return out;
 }
 
@@ -102,6 +103,13 @@ void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
   }
 }
 
+void RenderTarget::observe(const metropolis::FirstStage& stage) {
+  const transport::Contribution& c = found(Which::kProposal);
+  lengths_.add(c.edges, bits(stage.accepted));
+  if (context_.spec().integrator == Integrator::kMmlt)
+    techniques_.add(c.light_vertices, bits(stage.accepted));
+}
+
 void RenderTarget::accept(Which from, Mask lanes) {
   found(Which::kCurrent).take(found(from), lanes);
 }
@@ -130,10 +138,14 @@ RenderTarget::Payload RenderTarget::current(int lane) const {
 
 void RenderTarget::set_current(int lane, const Payload& payload) {
   transport::Contribution& current = found(Which::kCurrent);
-  if (current.splats.size() < payload.size()) current.splats.resize(payload.size());
+  const std::vector<LaneSplat>& splats = payload.splats;
+  UInt light_vertices = as_uint(current.light_vertices);
+  set_lane_word(light_vertices, lane, static_cast<uint32_t>(payload.light_vertices));
+  current.light_vertices = as_int(light_vertices);
+  if (current.splats.size() < splats.size()) current.splats.resize(splats.size());
   for (size_t i = 0; i < current.splats.size(); ++i) {
     transport::Splat& s = current.splats[i];
-    const LaneSplat p = i < payload.size() ? payload[i] : LaneSplat{};
+    const LaneSplat p = i < splats.size() ? splats[i] : LaneSplat{};
     set_lane_value(s.raster_x, lane, p.x);
     set_lane_value(s.raster_y, lane, p.y);
     set_lane_value(s.radiance.x, lane, p.rgb[0]);

@@ -123,6 +123,10 @@ type ConvergencePoint struct {
 	// Chains only.
 	Acceptance             Acceptance `json:"acceptance"`
 	CoordinatesPerMutation float64    `json:"coordinates_per_mutation,omitempty"`
+	// EffectiveSamples is how many independent samples of the chains' target would tell the cells of
+	// a 16 x 16 grid as exactly; 0 where it cannot be told.
+	EffectiveSamples            float64 `json:"effective_samples,omitempty"`
+	EffectiveSamplesPerMutation float64 `json:"effective_samples_per_mutation,omitempty"`
 }
 
 // Acceptance ratios of chain mutations; NaN-free: a kind that never ran is absent.
@@ -134,15 +138,25 @@ type Acceptance struct {
 	SecondAfterLarge *float64 `json:"second_after_large,omitempty"`
 }
 
-// Length is what is known about the paths of one length (mmlt).
+// Length is what is known about the samples of one length (chains).
 type Length struct {
-	// Edges of the paths; 1 sees lights directly.
+	// Edges of the paths (mmlt; 1 sees lights directly), or those that the eye path followed; 32 stands
+	// for all longer ones, too.
 	Edges int `json:"edges"`
-	// B is their share of b, from the bootstrap.
-	B              float64 `json:"b"`
-	BStandardError float64 `json:"b_standard_error"`
-	// Probability of a large step to draw the length.
-	Probability float64 `json:"probability"`
+	// B is their share of b, from the bootstrap (mmlt).
+	B              *float64 `json:"b,omitempty"`
+	BStandardError *float64 `json:"b_standard_error,omitempty"`
+	// Probability of a large step to draw the length (mmlt).
+	Probability *float64 `json:"probability,omitempty"`
+	// Proposed is the share of first-stage proposals with it, Acceptance that of them accepted.
+	Proposed   *float64 `json:"proposed,omitempty"`
+	Acceptance *float64 `json:"acceptance,omitempty"`
+}
+
+// Technique is what is known about the samples of one bidirectional technique (mmlt).
+type Technique struct {
+	// LightVertices of the paths: 0 where the eye path meets the light by itself.
+	LightVertices int `json:"light_vertices"`
 	// Proposed is the share of first-stage proposals with it, Acceptance that of them accepted.
 	Proposed   *float64 `json:"proposed,omitempty"`
 	Acceptance *float64 `json:"acceptance,omitempty"`
@@ -191,11 +205,19 @@ type Snapshot struct {
 	Acceptance         Acceptance `json:"acceptance"`
 	// CoordinatesPerMutation is how many random numbers a chain's proposals asked for.
 	CoordinatesPerMutation float64 `json:"coordinates_per_mutation,omitempty"`
-	// Lengths of paths (mmlt).
-	Lengths    []Length          `json:"lengths,omitempty"`
-	Anomalies  map[string]uint64 `json:"anomalies"`
-	FilmSHA256 string            `json:"film_sha256,omitempty"`
-	Warnings   []string          `json:"warnings,omitempty"`
+	// Lengths of samples (chains) and their techniques (mmlt).
+	Lengths    []Length    `json:"lengths,omitempty"`
+	Techniques []Technique `json:"techniques,omitempty"`
+	// EffectiveSamples after the last round, see ConvergencePoint.
+	EffectiveSamples            float64 `json:"effective_samples,omitempty"`
+	EffectiveSamplesPerMutation float64 `json:"effective_samples_per_mutation,omitempty"`
+	// LongestStay is the largest number of mutations that a chain has not moved for (chains).
+	// TrappedChains are those that have not moved for 2000 and more by now.
+	LongestStay   uint64            `json:"longest_stay,omitempty"`
+	TrappedChains uint64            `json:"trapped_chains,omitempty"`
+	Anomalies     map[string]uint64 `json:"anomalies"`
+	FilmSHA256    string            `json:"film_sha256,omitempty"`
+	Warnings      []string          `json:"warnings,omitempty"`
 	// Resolved spec in protobuf JSON, once known: submit it as Request.Resolved to repeat the job.
 	Resolved string `json:"resolved,omitempty"`
 }
