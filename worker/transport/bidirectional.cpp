@@ -65,6 +65,7 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
   Subpath eye{.end = End::kEye, .active = sample.lanes & sample.technique.eye_goes_on(0)};
   if (none(eye.active)) return;
   sample.film = sample_film(camera_, sample.source, sample.window, eye.active);
+  sample.out.add(0, {sample.film.x, sample.film.y, splat(0.F)}, eye.active);
   const sensor::CameraRay ray = camera_.ray(sample.film.x, sample.film.y, sample.film.lens);
   eye.origin = ray.origin;
   eye.direction = ray.direction;

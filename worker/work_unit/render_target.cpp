@@ -108,6 +108,28 @@ void RenderTarget::observe(const metropolis::FirstStage& stage) {
   lengths_.add(c.edges, bits(stage.accepted));
   if (context_.spec().integrator == Integrator::kMmlt)
     techniques_.add(c.light_vertices, bits(stage.accepted));
+  if (context_.spec().acceptance_layer && splatter_ != nullptr) map_acceptance(stage);
+}
+
+void RenderTarget::map_acceptance(const metropolis::FirstStage& stage) {
+  const transport::Contribution& c = found(Which::kProposal);
+  Float x = c.splats[0].raster_x, y = c.splats[0].raster_y, brightest(0.F);
+  for (const transport::Splat& s : c.splats) {
+    const Float brightness = luminance(s.radiance);
+    const Mask brighter = brightness > brightest;
+    x = select(brighter, s.raster_x, x);
+    y = select(brighter, s.raster_y, y);
+    brightest = select(brighter, brightness, brightest);
+  }
+  destination_.layer = context_.acceptance_layer();
+  constexpr auto kOne = static_cast<int64_t>(film::kFixedOne);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    // Floats in [0, 1] are multiples of 2^-32 but for those that are tiny.
+    const double acceptance = lane_value(stage.acceptance, lane);
+    const int64_t v[film::kChannels] = {kOne, static_cast<int64_t>(acceptance * film::kFixedOne),
+                                        (bits(stage.large) >> lane & 1) != 0 ? kOne : 0};
+    splatter_->count(destination_, lane_value(x, lane), lane_value(y, lane), v);
+  }
 }
 
 void RenderTarget::accept(Which from, Mask lanes) {
@@ -117,7 +139,6 @@ void RenderTarget::accept(Which from, Mask lanes) {
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
   if (none(lanes) || splatter_ == nullptr) return;
   const transport::Contribution& c = found(which);
-  destination_.layer = static_cast<int>(layer);
   const uint64_t call = mix64(serial);
   uint64_t noise[kLanes];
   for (size_t i = 0; i < c.splats.size(); ++i) {
@@ -125,7 +146,15 @@ void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uin
     const Mask lit = lanes & not_black(s.radiance);
     // Splats of one call are dithered apart.
     for (int lane = 0; lane < kLanes; ++lane) noise[lane] = mix64(noise_[lane] ^ (call + i));
+    destination_.layer = static_cast<int>(layer);
     splat_lanes(*splatter_, destination_, s, scale, lit, noise);
+    if (!context_.spec().technique_layers) continue;
+    // The same once more: the images by technique sum to the image to the last bit.
+    const Int technique = xsimd::min(c.light_vertices, Int(kTechniqueImages - 1));
+    for (int t = 0; t < kTechniqueImages; ++t) {
+      destination_.layer = context_.technique_layer(t, layer);
+      splat_lanes(*splatter_, destination_, s, scale, lit & equal(technique, Int(t)), noise);
+    }
   }
 }
 

@@ -61,6 +61,8 @@ class RenderTarget final : public metropolis::Target {
   // f: luminance, over the target map where there is one.
   Float target_of(const transport::Contribution& c, const Spectrum& total, Mask lanes) const;
   void log_incidents(const primary_space::SampleSource& source);
+  // Counts the proposals where they would land.
+  void map_acceptance(const metropolis::FirstStage& stage);
 
   const Context& context_;
   std::unique_ptr<transport::Estimator> estimator_;

@@ -1,5 +1,7 @@
 package job
 
+import "slices"
+
 // Words of the options of chains.
 const (
 	On  = "on"
@@ -27,6 +29,9 @@ const (
 
 	TargetLuminance = "luminance"
 	TargetEqualized = "equalized"
+
+	LayerAcceptance = "acceptance"
+	LayerTechniques = "techniques"
 )
 
 func chainOptions() []Option {
@@ -115,6 +120,13 @@ func chainOptions() []Option {
 			"leave light that bounces at most once to independent paths; default off", func(r *Request) any { return &r.DirectApart },
 		},
 		{
+			"layers", "layers", "",
+			[]string{LayerAcceptance, LayerTechniques},
+			chains,
+			"layers added to the EXR file, as a list with commas: how proposals fare by pixel; images by technique, mmlt only; default none",
+			func(r *Request) any { return &r.Layers },
+		},
+		{
 			"technique_coordinate", "technique-coordinate", "",
 			[]string{TechniqueFrozen, TechniqueMutated},
 			[]string{IntegratorMMLT},
@@ -147,6 +159,8 @@ func (r *Request) checkChains() error {
 		return invalid("half_width", "is %v, outside 0 < half width < 0.5", r.HalfWidth)
 	case r.LargeStepProbability != 0 && !(r.LargeStepProbability > 0 && r.LargeStepProbability <= 1):
 		return invalid("large_step_probability", "is %v, outside 0 < p <= 1", r.LargeStepProbability)
+	case slices.Contains(r.Layers, LayerTechniques) && r.Integrator != "" && r.Integrator != IntegratorAuto && r.Integrator != IntegratorMMLT:
+		return invalid("layers", "techniques belong to mmlt; integrator is %s", r.Integrator)
 	case r.Chains > maxChains:
 		return invalid("chains", "is above %d", maxChains)
 	}

@@ -66,6 +66,8 @@ type Request struct {
 	KernelTuning        string  `json:"kernel_tuning,omitempty"`
 	Target              string  `json:"target,omitempty"`
 	DirectApart         string  `json:"direct_apart,omitempty"`
+	// Layers of the image file that tell how the chains explore.
+	Layers []string `json:"layers,omitempty"`
 
 	// BootstrapSamples is rounded up to what the group size asks for.
 	BootstrapSamples uint64 `json:"bootstrap_samples,omitempty"`
@@ -227,12 +229,22 @@ type Image struct {
 	Width, Height int
 	// RGB and Variance hold 3 values per pixel, row by row from the top.
 	RGB, Variance []float32
+	// Layers beside them.
+	Layers []ImageLayer
 	// Attributes for the image file.
 	SceneDigest, FilmSHA256, Integrator, JobID string
 	Seed, Mutations                            uint64
 	Rounds                                     int
 	B, BStandardError, RelMSE                  float64
 	Final                                      bool
+}
+
+// ImageLayer is a layer of the image file: Channels are its channels' names, after a dot.
+type ImageLayer struct {
+	Name     string
+	Channels [3]string
+	// Values, 3 per pixel, row by row from the top.
+	Values []float32
 }
 
 // Event is one entry of a job's event log.

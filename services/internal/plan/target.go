@@ -33,7 +33,7 @@ func NeedsMap(spec *jobv1.ResolvedSpec, r job.Request) bool {
 // seed of its own.
 func MapPilot(spec *jobv1.ResolvedSpec) *jobv1.ResolvedSpec {
 	pilot := proto.CloneOf(spec)
-	pilot.DirectSizes = nil
+	pilot.DirectSizes, pilot.Layers = nil, nil
 	pilot.Seed ^= mapSeed
 	return pilot
 }

@@ -72,6 +72,18 @@ func (s *State) Scales() develop.Scales {
 	return develop.PSSMLT(s.chainTotals())
 }
 
+// Layers develops those of the film that the spec asks for beside the image.
+func (s *State) Layers() []job.ImageLayer {
+	var all []job.ImageLayer
+	if layer, has := plan.AcceptanceLayer(s.Spec); has {
+		all = append(all, develop.AcceptanceMap(s.Total, layer, s.Cells, s.Account.Counts.Mutations))
+	}
+	if first, has := plan.TechniqueLayers(s.Spec); has {
+		all = append(all, develop.Techniques(s.Total, s.Scales(), first, plan.TechniqueImages)...)
+	}
+	return all
+}
+
 func (s *State) chainTotals() develop.ChainTotals {
 	t := develop.ChainTotals{
 		Cells: s.Cells, Unit: s.Spec.GetUnit(),

@@ -1161,7 +1161,8 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 //
 // The film has full-resolution planes and low-resolution planes. With L layers (chains: layer 0 is
 // weighted by the chains, layer 1 holds the large steps, and with direct light apart layer 2 holds
-// that, in units of 4096 ResolvedSpec.unit; PATH and BDPT: one layer), full plane h * L + l is
+// that, in units of 4096 ResolvedSpec.unit; then those of ResolvedSpec.layers; PATH and BDPT: one
+// layer), full plane h * L + l is
 // half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, over cells of
 // ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells: each splat counts once, in the cell that
 // its raster position falls into, without the filter; splats outside the image do not count. Each plane has 3 channels (R, G, B)
