@@ -80,10 +80,11 @@ def test_acceptance_by_pixel_length_and_technique(tmp_path: Path) -> None:
     assert stats["trapped_chains"] == 0
 
 
-def test_techniques_belong_to_mmlt() -> None:
-    refused = run("render", CORNELL, "--integrator", "pssmlt", "--layers", "techniques")
+def test_techniques_belong_to_mmlt(tmp_path: Path) -> None:
+    command = ["render", CORNELL, "-o", tmp_path / "out.exr", "--integrator"]
+    refused = run(*command, "pssmlt", "--layers", "techniques")
     assert refused.returncode == 2
     assert "--layers: techniques belong to mmlt" in refused.stderr
-    unknown = run("render", CORNELL, "--integrator", "mmlt", "--layers", "acceptance,depth")
+    unknown = run(*command, "mmlt", "--layers", "acceptance", "--layers", "depth")
     assert unknown.returncode == 2
     assert '"depth"' in unknown.stderr
