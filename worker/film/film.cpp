@@ -115,6 +115,14 @@ void Splatter::add_pixel(const Destination& to, int x, int y, const double rgb[k
   digest_ += film_.add_full(to.half * shape.layers + to.layer, pixel, v);
 }
 
+void Splatter::count(const Destination& to, float x, float y, const int64_t v[kChannels]) {
+  const FilmShape& shape = film_.shape();
+  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
+  if (px < 0 || py < 0 || px >= shape.width || py >= shape.height) return;
+  digest_ += film_.add_low(to.group * shape.layers + to.layer, film_.low_cell(px, py), v);
+  digest_ += film_.add_full(to.half * shape.layers + to.layer, size_t(py) * shape.width + px, v);
+}
+
 void Splatter::splat(const Destination& to, float x, float y, const float rgb[kChannels],
                      uint64_t noise) {
   const FilmShape& shape = film_.shape();

@@ -76,6 +76,10 @@ class Splatter {
   // Adds scale * rgb at a raster position. noise: 64 random bits of this splat, for the dither.
   void splat(const Destination& to, float x, float y, const float rgb[kChannels], uint64_t noise);
 
+  // Adds v, in fixed point and without the filter, to the pixel that holds a raster position; none
+  // does outside the image.
+  void count(const Destination& to, float x, float y, const int64_t v[kChannels]);
+
   uint64_t digest() const { return digest_; }
   void reset_digest() { digest_ = 0; }
 

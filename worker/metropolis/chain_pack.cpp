@@ -40,6 +40,7 @@ void ChainPack::iterate() {
   o.f_y = evaluate(Stage::kFirst, all_lanes());
   o.first_acceptance = metropolis_acceptance(f_, o.f_y);
   o.first = coins.acceptance < o.first_acceptance;
+  target_.observe({o.steps.large, o.first, o.first_acceptance});
 
   record_proposal(o);
   if (delayed_.enabled()) try_second(o, coins.second);
@@ -138,6 +139,7 @@ void ChainPack::observe(const Outcome& o) {
     counts_.second_after_large.add(tried & large, second);
     counts_.second_after_small.add(tried & small, second);
   }
+  stays_.observe(o.first | o.second);
   if (large != 0) add_large_steps(o.f_y, large);
 }
 
@@ -155,6 +157,7 @@ void ChainPack::add_large_steps(Float f_y, uint32_t lanes) {
 ChainCounts ChainPack::counts() const {
   ChainCounts counts = counts_;
   counts.pairs_read = sample_.pairs_read();
+  counts.stays = stays_.counts();
   return counts;
 }
 
@@ -170,6 +173,7 @@ ChainPack::State ChainPack::state() const {
   s.serial = serial_;
   f_.store_aligned(s.f);
   s.sums = sums_;
+  s.stays = stays_.lengths();
   return s;
 }
 
@@ -178,6 +182,7 @@ void ChainPack::set_state(const State& s) {
   serial_ = s.serial;
   f_ = Float::load_aligned(s.f);
   sums_ = s.sums;
+  stays_.set_lengths(s.stays);
   weight_ = Float(0.F);
 }
 

@@ -8,6 +8,7 @@
 #include "metropolis/acceptance.h"
 #include "metropolis/kernel.h"
 #include "metropolis/mutated_sample.h"
+#include "metropolis/stays.h"
 #include "metropolis/target.h"
 
 namespace metrofarm::metropolis {
@@ -42,6 +43,7 @@ struct ChainCounts {
   Tries large, small;
   Tries subpath;
   Tries second_after_large, second_after_small;
+  StayCounts stays;
 
   ChainCounts& operator+=(const ChainCounts& o) {
     mutations += o.mutations;
@@ -52,6 +54,7 @@ struct ChainCounts {
     subpath += o.subpath;
     second_after_large += o.second_after_large;
     second_after_small += o.second_after_small;
+    stays += o.stays;
     return *this;
   }
 };
@@ -83,6 +86,7 @@ class ChainPack {
     uint64_t serial = 0;
     alignas(32) float f[kLanes] = {};
     std::array<LargeStepSums, kLanes> sums;
+    Stays::Lengths stays{};
   };
   State state() const;
   // Requires: every f[i] > 0 and restore of every lane's sample.
@@ -126,6 +130,7 @@ class ChainPack {
   Float f_ = Float(0.F);
   Float weight_ = Float(0.F);  // gathered by the current states and not yet recorded
   ChainCounts counts_;
+  Stays stays_;
   std::array<LargeStepSums, kLanes> sums_;
 };
 

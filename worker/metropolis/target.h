@@ -15,6 +15,13 @@ enum class Layer { kChain = 0, kLargeStep = 1 };
 enum class Which { kCurrent, kProposal, kSecond };
 inline constexpr int kStates = 3;
 
+// What became of the first stage of an iteration, in every lane.
+struct FirstStage {
+  Mask large;  // large steps
+  Mask accepted;
+  Float acceptance;  // probability
+};
+
 class Target {
  public:
   virtual ~Target() = default;
@@ -26,6 +33,8 @@ class Target {
   virtual void accept(Which from, Mask lanes) = 0;
   // Adds scale times the payload to a layer. serial: unique per call and lane within a chain.
   virtual void record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) = 0;
+  // Tells of the proposals, at whose points f was just evaluated.
+  virtual void observe(const FirstStage& /*stage*/) {}
 };
 
 }  // namespace metrofarm::metropolis

@@ -103,6 +103,23 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   return report;
 }
 
+namespace {
+
+using RepeatedCounts = google::protobuf::RepeatedField<uint64_t>;
+
+// Zeros at the end are left out.
+void fill_shares(const work_unit::Shares& shares, RepeatedCounts& proposed,
+                 RepeatedCounts& accepted) {
+  size_t used = shares.proposed.size();
+  while (used > 0 && shares.proposed[used - 1] == 0) --used;
+  for (size_t i = 0; i < used; ++i) {
+    proposed.Add(shares.proposed[i]);
+    accepted.Add(shares.accepted[i]);
+  }
+}
+
+}  // namespace
+
 void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts& counts) {
   const work_unit::Counts& c = output.counts;
   counts.set_mutations(c.mutations);
@@ -119,6 +136,13 @@ void fill_counts(const work_unit::SegmentOutput& output, farm::v1::SegmentCounts
   counts.set_second_after_large(c.second_after_large);
   counts.set_second_after_large_accepted(c.second_after_large_accepted);
   counts.set_coordinates(c.coordinates);
+  fill_shares(c.lengths, *counts.mutable_proposed_by_length(),
+              *counts.mutable_accepted_by_length());
+  fill_shares(c.techniques, *counts.mutable_proposed_by_technique(),
+              *counts.mutable_accepted_by_technique());
+  counts.set_longest_stay(c.stays.longest);
+  counts.set_chains_trapped(c.stays.trapped);
+  counts.set_chains_freed(c.stays.freed);
   for (uint64_t n : output.anomalies.counts()) counts.add_anomalies(n);
 }
 

@@ -126,6 +126,13 @@ Result<Spec> with_chains(const ResolvedSpec& s, Spec spec) {
   spec.chain_groups = s.chain_groups();
   spec.target_map.side = static_cast<int>(std::min(s.target_map().side(), 1U << 20));
   spec.target_map.values.assign(s.target_map().values().begin(), s.target_map().values().end());
+  for (const int layer : s.layers()) {
+    if (layer != job::v1::DIAGNOSTIC_LAYER_ACCEPTANCE &&
+        layer != job::v1::DIAGNOSTIC_LAYER_TECHNIQUES)
+      return unknown("layers");
+    spec.acceptance_layer |= layer == job::v1::DIAGNOSTIC_LAYER_ACCEPTANCE;
+    spec.technique_layers |= layer == job::v1::DIAGNOSTIC_LAYER_TECHNIQUES;
+  }
   if (s.layer_weights() == job::v1::LAYER_WEIGHTS_KELEMEN) {
     spec.layer_weights = metropolis::LayerWeights::kKelemen;
   } else if (s.layer_weights() != job::v1::LAYER_WEIGHTS_TWO_LAYER) {

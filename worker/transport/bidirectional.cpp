@@ -65,11 +65,13 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
   Subpath eye{.end = End::kEye, .active = sample.lanes & sample.technique.eye_goes_on(0)};
   if (none(eye.active)) return;
   sample.film = sample_film(camera_, sample.source, sample.window, eye.active);
+  sample.out.add(0, {sample.film.x, sample.film.y, splat(0.F)}, eye.active);
   const sensor::CameraRay ray = camera_.ray(sample.film.x, sample.film.y, sample.film.lens);
   eye.origin = ray.origin;
   eye.direction = ray.direction;
   for (int edges = 1; edges <= depth_limit_ && any(eye.active); ++edges) {
     Interaction v;
+    sample.out.edges = select(eye.active, Int(edges), sample.out.edges);
     count_rays(eye.active);
     v.hits = scene_.tracer().intersect(eye.active, eye.origin, eye.direction);
     if (edges == 1) v.hits.hit = v.hits.hit & (v.hits.t <= ray.t_max);

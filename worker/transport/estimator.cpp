@@ -28,6 +28,8 @@ void Contribution::take(const Contribution& other, Mask lanes) {
       splats[i].radiance = keep(~lanes, splats[i].radiance);
     }
   }
+  edges = select(lanes, other.edges, edges);
+  light_vertices = select(lanes, other.light_vertices, light_vertices);
   while (splats.size() > 1 && none(not_black(splats.back().radiance))) splats.pop_back();
 }
 

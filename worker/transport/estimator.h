@@ -16,6 +16,9 @@ struct RasterWindow {
   Float width, height;
 };
 
+// A raster position, in both axes, beyond every film: of paths that have no place on it.
+inline constexpr float kOffFilm = -0x1p20F;
+
 // Light on the film.
 struct Splat {
   Float raster_x = Float(0.F);  // pixels
@@ -23,12 +26,20 @@ struct Splat {
   Spectrum radiance = splat(0.F);
 };
 
-// What one primary sample brings back. Splat 0 belongs to the eye path; those after it are light
-// that paths from emitters carry to the camera. Lanes that have nothing are black.
+// What one primary sample brings back. Splat 0 belongs to the eye path and has its raster position,
+// black or not; those after it are light that paths from emitters carry to the camera. Lanes that
+// have nothing are black.
 struct Contribution {
   std::vector<Splat> splats;
+  // Multiplexed: edges of the path and vertices of its light subpath. Else: edges that the eye path
+  // followed, and 0.
+  Int edges = Int(0);
+  Int light_vertices = Int(0);
 
-  void reset() { splats.assign(1, Splat{}); }
+  void reset() {
+    splats.assign(1, {Float(kOffFilm), Float(kOffFilm), splat(0.F)});
+    edges = light_vertices = Int(0);
+  }
   // Adds to splat i, whose raster position it sets.
   void add(size_t i, const Splat& splat, Mask lanes);
   // Sum over all splats.

@@ -35,6 +35,8 @@ void MultiplexedTracer::trace(primary_space::SampleSource& source, const RasterW
   const Mask wanted = lanes & ~less(edges, Int(min_depth()));
   Technique technique{.all = false, .edges = edges, .light_vertices = truncate(u.second * count)};
   trace_technique(source, window, technique, wanted, out);
+  out.edges = edges;
+  out.light_vertices = technique.light_vertices;
   out.scale(keep(lanes, count / gather(probability_.data(), index, lanes)));
 }
 

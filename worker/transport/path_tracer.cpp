@@ -35,6 +35,7 @@ void PathTracer::trace(SampleSource& source, const RasterWindow& window, Mask la
 
   State path{.active = lanes, .origin = ray.origin, .direction = ray.direction, .far = ray.t_max};
   for (int depth = 1; depth <= depth_limit_ && any(path.active); ++depth) {
+    out.edges = select(path.active, Int(depth), out.edges);
     const Interaction vertex = meet(path, source, depth);
     add_emission(path, vertex, depth);
     if (depth == depth_limit_ || none(path.active)) break;

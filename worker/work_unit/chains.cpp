@@ -77,7 +77,7 @@ class LengthChange {
     const float ratio = before_->length_probabilities()[length_index] /
                         after_->length_probabilities()[length_index];
     pack.chains.f[lane] *= ratio;
-    for (RenderTarget::LaneSplat& splat : pack.payload[lane])
+    for (RenderTarget::LaneSplat& splat : pack.payload[lane].splats)
       for (float& v : splat.rgb) v *= ratio;
     for (primary_space::StoredPair& pair : pack.pairs[lane]) {
       if (pair.slot == primary_space::kTechniqueSlot)
@@ -131,7 +131,8 @@ void save(const ChainPack& chains, const RenderTarget& target, PackState& state)
   }
 }
 
-Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCosts& costs) {
+Counts to_counts(const metropolis::ChainCounts& chains, const RenderTarget& target) {
+  const transport::PathCosts& costs = target.costs();
   Counts counts;
   counts.mutations = chains.mutations;
   counts.path_evaluations = costs.paths;
@@ -147,6 +148,9 @@ Counts to_counts(const metropolis::ChainCounts& chains, const transport::PathCos
   counts.second_after_large = chains.second_after_large.tried;
   counts.second_after_large_accepted = chains.second_after_large.accepted;
   counts.coordinates = 2 * chains.pairs_read;
+  counts.lengths = target.lengths();
+  counts.techniques = target.techniques();
+  counts.stays = chains.stays;
   return counts;
 }
 
@@ -187,7 +191,7 @@ SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutati
   }
   SegmentOutput out;
   out.anomalies = target.anomalies();
-  out.counts = to_counts(counts, target.costs());
+  out.counts = to_counts(counts, target);
   return out;
 }
 

@@ -75,9 +75,15 @@ std::string problem_with_steps(const Spec& spec) {
   return "";
 }
 
+std::string problem_with_layers(const Spec& spec) {
+  if (spec.technique_layers && spec.integrator != Integrator::kMmlt)
+    return "layers must not have techniques unless the integrator is mmlt";
+  return "";
+}
+
 std::string problem_with_chains(const Spec& spec) {
   return first_of({problem_with_proposals(spec), problem_with_steps(spec),
-                   problem_with_target(spec),
+                   problem_with_target(spec), problem_with_layers(spec),
                    spec.integrator == Integrator::kMmlt ? problem_with_lengths(spec) : ""});
 }
 
@@ -112,9 +118,16 @@ Context::Context(const transport::Scene& scene, const Spec& spec)
       cells_x_(spec.width + 2 * filter_.border()),
       cells_y_(spec.height + 2 * filter_.border()) {}
 
+int Context::image_layers() const {
+  if (!runs_chains(spec_.integrator)) return 1;
+  return spec_.direct_apart ? 3 : 2;
+}
+
 film::FilmShape Context::film_shape() const {
-  if (!runs_chains(spec_.integrator)) return {spec_.width, spec_.height, 1};
-  return {spec_.width, spec_.height, spec_.direct_apart ? 3 : 2};
+  int layers = image_layers();
+  if (spec_.acceptance_layer) ++layers;
+  if (spec_.technique_layers) layers += 2 * kTechniqueImages;
+  return {spec_.width, spec_.height, layers};
 }
 
 transport::RasterWindow Context::whole_raster() const {

@@ -2,6 +2,7 @@
 // it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -11,6 +12,8 @@
 #include "film/film.h"
 #include "metropolis/acceptance.h"
 #include "metropolis/delayed_rejection.h"
+#include "metropolis/stays.h"
+#include "metropolis/target.h"
 #include "transport/multiplexed.h"
 #include "transport/path_tracer.h"
 #include "transport/scene.h"
@@ -44,6 +47,9 @@ struct Spec {
   bool direct_apart = false;
   uint32_t chain_groups = 0;
   TargetMapValues target_map;
+  // Layers of the film beside the image: see metrofarm.job.v1.DiagnosticLayer.
+  bool acceptance_layer = false;
+  bool technique_layers = false;  // kMmlt
   double unit = 1;
   uint32_t blocks_per_segment = 1;
 
@@ -55,6 +61,9 @@ inline constexpr int kLongestDirectPath = 2;
 // Its layer, and that layer's unit in units of the film: direct light may be far brighter.
 inline constexpr int kDirectLayer = 2;
 inline constexpr double kDirectUnit = 4096;
+
+// Images by technique: of paths with 0, 1, .. light vertices, the last with all that have more.
+inline constexpr int kTechniqueImages = 5;
 
 // Chains, or path samples, that are run side by side and handed out together.
 inline constexpr int kGroupSize = 64;
@@ -82,6 +91,11 @@ class Context {
   const film::Filter& filter() const { return filter_; }
   const TargetMap& target_map() const { return target_map_; }
   film::FilmShape film_shape() const;
+  // Requires: the spec has such layers. technique: below kTechniqueImages.
+  int acceptance_layer() const { return image_layers(); }
+  int technique_layer(int technique, metropolis::Layer of) const {
+    return image_layers() + (spec_.acceptance_layer ? 1 : 0) + 2 * technique + static_cast<int>(of);
+  }
 
   // The sampled part of the raster: the image and the filter's border.
   transport::RasterWindow whole_raster() const;
@@ -103,7 +117,8 @@ class Context {
   std::unique_ptr<transport::MultiplexedTracer> make_multiplexed(Lengths lengths) const;
 
  private:
-  int min_depth() const;  // of the chains' paths
+  int min_depth() const;     // of the chains' paths
+  int image_layers() const;  // of the film
   transport::BidirectionalSettings bidirectional_settings() const;
 
   const transport::Scene& scene_;
@@ -112,6 +127,23 @@ class Context {
   film::Filter filter_;
   TargetMap target_map_;
   int cells_x_, cells_y_;
+};
+
+// First-stage proposals, and those accepted, by a small number.
+struct Shares {
+  // Greater numbers count as the largest.
+  static constexpr int kLargest = 32;
+
+  void add(Int numbers, uint32_t accepted_lanes) {
+    alignas(32) int32_t at[kLanes];
+    xsimd::min(numbers, Int(kLargest)).store_aligned(at);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      ++proposed[at[lane]];
+      accepted[at[lane]] += accepted_lanes >> lane & 1;
+    }
+  }
+
+  std::array<uint64_t, kLargest + 1> proposed{}, accepted{};
 };
 
 // Counts of one segment; equal work gives equal counts.
@@ -126,6 +158,9 @@ struct Counts {
   uint64_t second_stages = 0, second_accepted = 0;
   uint64_t second_after_large = 0, second_after_large_accepted = 0;
   uint64_t coordinates = 0;  // that the proposals of all stages asked for
+  // By edges and by light vertices, see transport::Contribution; the latter multiplexed only.
+  Shares lengths, techniques;
+  metropolis::StayCounts stays;
 
   // What independent paths beside the chains cost.
   void add_costs(const Counts& o) {

@@ -9,7 +9,7 @@
 namespace metrofarm::work_unit {
 namespace {
 
-constexpr uint32_t kMagic = 0x33534743;  // "CGS3"
+constexpr uint32_t kMagic = 0x34534743;  // "CGS4"
 
 class Writer {
  public:
@@ -59,8 +59,10 @@ void write_pack(Writer& w, const PackState& pack) {
     w.put(sums.count);
     w.put(sums.sum);
     w.put(sums.sum_squares);
-    w.put(static_cast<uint32_t>(pack.payload[lane].size()));
-    for (const RenderTarget::LaneSplat& p : pack.payload[lane])
+    w.put(pack.chains.stays[lane]);
+    w.put(pack.payload[lane].light_vertices);
+    w.put(static_cast<uint32_t>(pack.payload[lane].splats.size()));
+    for (const RenderTarget::LaneSplat& p : pack.payload[lane].splats)
       for (float v : {p.x, p.y, p.rgb[0], p.rgb[1], p.rgb[2]}) w.put(v);
     w.put(static_cast<uint32_t>(pack.pairs[lane].size()));
     for (const primary_space::StoredPair& pair : pack.pairs[lane]) {
@@ -85,15 +87,17 @@ bool read_pairs(Reader& r, std::vector<primary_space::StoredPair>& pairs) {
 }
 
 bool read_payload(Reader& r, RenderTarget::Payload& payload) {
+  payload.light_vertices = r.get<int32_t>();
   const auto count = r.get<uint32_t>();
-  if (count > static_cast<uint32_t>(primary_space::kLongestPath)) return false;
+  if (payload.light_vertices < 0 || count > static_cast<uint32_t>(primary_space::kLongestPath))
+    return false;
   for (uint32_t i = 0; i < count && r.complete(); ++i) {
     RenderTarget::LaneSplat p;
     for (float* v : {&p.x, &p.y, &p.rgb[0], &p.rgb[1], &p.rgb[2]}) *v = r.get<float>();
     bool sound = std::isfinite(p.x) && std::isfinite(p.y);
     for (float v : p.rgb) sound = sound && v >= 0 && std::isfinite(v);
     if (!sound) return false;
-    payload.push_back(p);
+    payload.splats.push_back(p);
   }
   return r.complete();
 }
@@ -104,6 +108,8 @@ bool read_lane(Reader& r, PackState& pack, int lane) {
   sums.count = r.get<uint64_t>();
   sums.sum = r.get<double>();
   sums.sum_squares = r.get<double>();
+  pack.chains.stays[lane] = r.get<int32_t>();
+  if (pack.chains.stays[lane] < 0) return false;
   const float f = pack.chains.f[lane];
   return r.complete() && f > 0 && std::isfinite(f) && read_payload(r, pack.payload[lane]) &&
          read_pairs(r, pack.pairs[lane]);
@@ -119,6 +125,7 @@ struct Loose {
   uint8_t member = 0;
   float f = 0;
   metropolis::LargeStepSums sums;
+  int32_t stay = 0;
   RenderTarget::Payload payload;
   std::vector<primary_space::StoredPair> pairs;
 };
@@ -129,6 +136,7 @@ Loose take(PackState& pack, int lane) {
               pack.members[lane],
               pack.chains.f[lane],
               pack.chains.sums[lane],
+              pack.chains.stays[lane],
               std::move(pack.payload[lane]),
               std::move(pack.pairs[lane])};
   for (const primary_space::StoredPair& pair : chain.pairs) {
@@ -143,6 +151,7 @@ void put(Loose&& chain, PackState& pack, int lane) {
   pack.members[lane] = chain.member;
   pack.chains.f[lane] = chain.f;
   pack.chains.sums[lane] = chain.sums;
+  pack.chains.stays[lane] = chain.stay;
   pack.payload[lane] = std::move(chain.payload);
   pack.pairs[lane] = std::move(chain.pairs);
 }

@@ -15,16 +15,17 @@ namespace {
 // Trailing splats that are black in this lane are left out.
 RenderTarget::Payload payload_of(const transport::Contribution& c, int lane) {
   RenderTarget::Payload out;
+  out.light_vertices = static_cast<int32_t>(lane_word(as_uint(c.light_vertices), lane));
   size_t used = 1;
   for (const transport::Splat& s : c.splats) {
-    out.push_back({lane_value(s.raster_x, lane),
-                   lane_value(s.raster_y, lane),
-                   {lane_value(s.radiance.x, lane), lane_value(s.radiance.y, lane),
-                    lane_value(s.radiance.z, lane)}});
-    const float* rgb = out.back().rgb;
-    if (rgb[0] != 0 || rgb[1] != 0 || rgb[2] != 0) used = out.size();
+    out.splats.push_back({lane_value(s.raster_x, lane),
+                          lane_value(s.raster_y, lane),
+                          {lane_value(s.radiance.x, lane), lane_value(s.radiance.y, lane),
+                           lane_value(s.radiance.z, lane)}});
+    const float* rgb = out.splats.back().rgb;
+    if (rgb[0] != 0 || rgb[1] != 0 || rgb[2] != 0) used = out.splats.size();
   }
-  out.resize(used);
+  out.splats.resize(used);
   return out;
 }
 
@@ -103,6 +104,35 @@ void RenderTarget::log_incidents(const primary_space::SampleSource& source) {
   }
 }
 
+void RenderTarget::observe(const metropolis::FirstStage& stage) {
+  const transport::Contribution& c = found(Which::kProposal);
+  lengths_.add(c.edges, bits(stage.accepted));
+  if (context_.spec().integrator == Integrator::kMmlt)
+    techniques_.add(c.light_vertices, bits(stage.accepted));
+  if (context_.spec().acceptance_layer && splatter_ != nullptr) map_acceptance(stage);
+}
+
+void RenderTarget::map_acceptance(const metropolis::FirstStage& stage) {
+  const transport::Contribution& c = found(Which::kProposal);
+  Float x = c.splats[0].raster_x, y = c.splats[0].raster_y, brightest(0.F);
+  for (const transport::Splat& s : c.splats) {
+    const Float brightness = luminance(s.radiance);
+    const Mask brighter = brightness > brightest;
+    x = select(brighter, s.raster_x, x);
+    y = select(brighter, s.raster_y, y);
+    brightest = select(brighter, brightness, brightest);
+  }
+  destination_.layer = context_.acceptance_layer();
+  constexpr auto kOne = static_cast<int64_t>(film::kFixedOne);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    // Floats in [0, 1] are multiples of 2^-32 but for those that are tiny.
+    const double acceptance = lane_value(stage.acceptance, lane);
+    const int64_t v[film::kChannels] = {kOne, static_cast<int64_t>(acceptance * film::kFixedOne),
+                                        (bits(stage.large) >> lane & 1) != 0 ? kOne : 0};
+    splatter_->count(destination_, lane_value(x, lane), lane_value(y, lane), v);
+  }
+}
+
 void RenderTarget::accept(Which from, Mask lanes) {
   found(Which::kCurrent).take(found(from), lanes);
 }
@@ -110,7 +140,6 @@ void RenderTarget::accept(Which from, Mask lanes) {
 void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uint64_t serial) {
   if (none(lanes) || splatter_ == nullptr) return;
   const transport::Contribution& c = found(which);
-  destination_.layer = static_cast<int>(layer);
   const uint64_t call = mix64(serial);
   uint64_t noise[kLanes];
   for (size_t i = 0; i < c.splats.size(); ++i) {
@@ -118,7 +147,15 @@ void RenderTarget::record(Which which, Layer layer, Float scale, Mask lanes, uin
     const Mask lit = lanes & not_black(s.radiance);
     // Splats of one call are dithered apart.
     for (int lane = 0; lane < kLanes; ++lane) noise[lane] = mix64(noise_[lane] ^ (call + i));
+    destination_.layer = static_cast<int>(layer);
     splat_lanes(*splatter_, destination_, s, scale, lit, noise);
+    if (!context_.spec().technique_layers) continue;
+    // The same once more: the images by technique sum to the image to the last bit.
+    const Int technique = xsimd::min(c.light_vertices, Int(kTechniqueImages - 1));
+    for (int t = 0; t < kTechniqueImages; ++t) {
+      destination_.layer = context_.technique_layer(t, layer);
+      splat_lanes(*splatter_, destination_, s, scale, lit & equal(technique, Int(t)), noise);
+    }
   }
 }
 
@@ -131,10 +168,14 @@ RenderTarget::Payload RenderTarget::current(int lane) const {
 
 void RenderTarget::set_current(int lane, const Payload& payload) {
   transport::Contribution& current = found(Which::kCurrent);
-  if (current.splats.size() < payload.size()) current.splats.resize(payload.size());
+  const std::vector<LaneSplat>& splats = payload.splats;
+  UInt light_vertices = as_uint(current.light_vertices);
+  set_lane_word(light_vertices, lane, static_cast<uint32_t>(payload.light_vertices));
+  current.light_vertices = as_int(light_vertices);
+  if (current.splats.size() < splats.size()) current.splats.resize(splats.size());
   for (size_t i = 0; i < current.splats.size(); ++i) {
     transport::Splat& s = current.splats[i];
-    const LaneSplat p = i < payload.size() ? payload[i] : LaneSplat{};
+    const LaneSplat p = i < splats.size() ? splats[i] : LaneSplat{};
     set_lane_value(s.raster_x, lane, p.x);
     set_lane_value(s.raster_y, lane, p.y);
     set_lane_value(s.radiance.x, lane, p.rgb[0]);

@@ -27,13 +27,17 @@ class RenderTarget final : public metropolis::Target {
   void accept(metropolis::Which from, Mask lanes) override;
   void record(metropolis::Which which, metropolis::Layer layer, Float scale, Mask lanes,
               uint64_t serial) override;
+  void observe(const metropolis::FirstStage& stage) override;
 
   // The proposal of one lane becomes the current state of another: a chain starts from its seed.
   // Source and destination are kept apart by storing into `to` only.
   struct LaneSplat {
     float x, y, rgb[3];
   };
-  using Payload = std::vector<LaneSplat>;  // by splat
+  struct Payload {
+    std::vector<LaneSplat> splats;
+    int32_t light_vertices = 0;  // see transport::Contribution
+  };
   Payload proposal(int lane) const;
   Payload current(int lane) const;
   void set_current(int lane, const Payload& payload);
@@ -43,6 +47,9 @@ class RenderTarget final : public metropolis::Target {
 
   const transport::PathCosts& costs() const { return estimator_->costs(); }
   const diagnostics::AnomalyLog& anomalies() const { return anomalies_; }
+  // First stages by length and by technique, all packs together.
+  const Shares& lengths() const { return lengths_; }
+  const Shares& techniques() const { return techniques_; }
 
  private:
   transport::Contribution& found(metropolis::Which which) {
@@ -54,12 +61,15 @@ class RenderTarget final : public metropolis::Target {
   // f: luminance, over the target map where there is one.
   Float target_of(const transport::Contribution& c, const Spectrum& total, Mask lanes) const;
   void log_incidents(const primary_space::SampleSource& source);
+  // Counts the proposals where they would land.
+  void map_acceptance(const metropolis::FirstStage& stage);
 
   const Context& context_;
   std::unique_ptr<transport::Estimator> estimator_;
   std::array<transport::Contribution, metropolis::kStates> found_;  // by metropolis::Which
   transport::Contribution scratch_;
   diagnostics::AnomalyLog anomalies_;
+  Shares lengths_, techniques_;
   film::Splatter* splatter_ = nullptr;
   film::Destination destination_;
   uint64_t noise_[kLanes] = {};

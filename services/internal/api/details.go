@@ -31,7 +31,7 @@ type rawOutput struct {
 
 type convergenceBody struct {
 	Points  []job.ConvergencePoint `json:"points" doc:"One per complete round."`
-	Lengths []job.Length           `json:"lengths,omitempty" doc:"b by path length, from the bootstrap (mmlt)."`
+	Lengths []job.Length           `json:"lengths,omitempty" doc:"Samples by path length (chains), with b from the bootstrap (mmlt)."`
 }
 
 type planOutput struct {
@@ -108,7 +108,8 @@ func convergenceCSV(points []job.ConvergencePoint) []byte {
 	write := func(record ...string) { _ = w.Write(record) } // a buffer does not fail
 	write("round", "mutations", "path_evaluations", "rays", "rel_mse", "rel_mse_low", "rel_mse_high",
 		"b", "b_standard_error", "cpu_seconds", "wall_seconds", "film_sha256",
-		"acceptance_large", "acceptance_small", "acceptance_second", "acceptance_second_after_large", "coordinates_per_mutation")
+		"acceptance_large", "acceptance_small", "acceptance_second", "acceptance_second_after_large", "coordinates_per_mutation",
+		"effective_samples")
 	count := func(n uint64) string { return strconv.FormatUint(n, 10) }
 	number := func(x float64) string { return strconv.FormatFloat(x, 'g', -1, 64) }
 	ratio := func(x *float64) string {
@@ -122,7 +123,8 @@ func convergenceCSV(points []job.ConvergencePoint) []byte {
 			number(p.RelMSE), number(p.RelMSEInterval.Low), number(p.RelMSEInterval.High),
 			number(p.B), number(p.BStandardError), number(p.CPUSeconds), number(p.WallSeconds), p.FilmSHA256,
 			ratio(p.Acceptance.Large), ratio(p.Acceptance.Small), ratio(p.Acceptance.Second),
-			ratio(p.Acceptance.SecondAfterLarge), number(p.CoordinatesPerMutation))
+			ratio(p.Acceptance.SecondAfterLarge), number(p.CoordinatesPerMutation),
+			number(p.EffectiveSamples))
 	}
 	w.Flush()
 	return buffer.Bytes()

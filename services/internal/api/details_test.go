@@ -94,7 +94,7 @@ func TestConvergencePlanAnomaliesLog(t *testing.T) {
 	f.round(id, 2)
 	csv := f.expect(200, "GET", "/v1/jobs/"+id+"/convergence?format=csv", "")
 	lines := strings.Split(strings.TrimSpace(string(csv.body)), "\n")
-	if len(lines) != 3 || lines[2] != "2,2000,0,0,0.25,0.25,1,0.25,0,0,0,ff,,,,,0" {
+	if len(lines) != 3 || lines[2] != "2,2000,0,0,0.25,0.25,1,0.25,0,0,0,ff,,,,,0,0" {
 		t.Errorf("CSV %q", lines)
 	}
 	f.farm.Update(id, "anomaly", "2 NaN in emission", func(s *job.Snapshot) {

@@ -121,6 +121,11 @@ func (r *requestFlags) registerOption(f *flags, option job.Option) {
 		f.BoolVar(field, option.Flag, false, usage)
 	case **int:
 		f.Func(option.Flag, usage, func(text string) error { return setNumber(field, text) })
+	case *[]string:
+		f.Func(option.Flag, usage, func(text string) error {
+			*field = append(*field, strings.Split(text, ",")...)
+			return nil
+		})
 	case *map[string]string:
 		f.Func(option.Flag, usage, r.set)
 	default:

@@ -30,7 +30,8 @@ func TestFlagsReachTheRequest(t *testing.T) {
 	arguments := []string{
 		"--integrator", "mmlt", "--delayed-rejection", "on", "--second-stage", "von-mises", "--concentration", "5",
 		"--acceptance-rule", "tierney-mira", "--after-large-steps", "--technique-coordinate", "mutated",
-		"--layer-weights", "kelemen", "--kernel", "uniform", "--half-width", "0.1", "--max-depth", "7", "scene.xml",
+		"--layer-weights", "kelemen", "--kernel", "uniform", "--half-width", "0.1", "--max-depth", "7",
+		"--layers", "acceptance,techniques", "scene.xml",
 	}
 	if _, err := f.parse(arguments, 1, 1); err != nil {
 		t.Fatal(err)
@@ -42,6 +43,7 @@ func TestFlagsReachTheRequest(t *testing.T) {
 	want := job.Request{
 		Integrator: "mmlt", DelayedRejection: "on", SecondStage: "von-mises", Concentration: 5, AcceptanceRule: "tierney-mira",
 		AfterLargeSteps: true, TechniqueCoordinate: "mutated", LayerWeights: "kelemen", Kernel: "uniform", HalfWidth: 0.1,
+		Layers: []string{"acceptance", "techniques"},
 	}
 	got := r.request
 	if got.MaxDepth == nil || *got.MaxDepth != depth {

@@ -113,6 +113,11 @@ type statistics struct {
 	Acceptance      acceptance        `json:"acceptance"`
 	Coordinates     float64           `json:"coordinates_per_mutation"`
 	Lengths         []job.Length      `json:"lengths,omitempty"`
+	Techniques      []job.Technique   `json:"techniques,omitempty"`
+	Effective       float64           `json:"effective_samples"`
+	EffectiveShare  float64           `json:"effective_samples_per_mutation"`
+	LongestStay     uint64            `json:"longest_stay"`
+	TrappedChains   uint64            `json:"trapped_chains"`
 	RelMSE          *estimate         `json:"rel_mse_estimate"`
 	Anomalies       map[string]uint64 `json:"anomalies"`
 	FilmSHA256      string            `json:"film_sha256"`
@@ -143,6 +148,8 @@ func statisticsOf(s job.Snapshot, report string) (statistics, error) {
 		CPUSeconds: s.CPUSeconds, WallSeconds: s.WallSeconds, LoadSeconds: s.LoadSeconds,
 		B: s.B, BStandardError: s.BStandardError,
 		Acceptance: acceptance(s.Acceptance), Coordinates: s.CoordinatesPerMutation, Lengths: s.Lengths,
+		Techniques: s.Techniques, Effective: s.EffectiveSamples, EffectiveShare: s.EffectiveSamplesPerMutation,
+		LongestStay: s.LongestStay, TrappedChains: s.TrappedChains,
 		Anomalies: s.Anomalies, FilmSHA256: s.FilmSHA256, Plan: plan,
 		ResolvedSpec: json.RawMessage(s.Resolved),
 	}

@@ -95,8 +95,8 @@ func TestMultiplexedJobsTellOfTheirLengths(t *testing.T) {
 		want += float64(fakeworker.BootstrapValue(7, i)) / 4096
 	}
 	for _, l := range done.Lengths {
-		b, probability = b+l.B, probability+l.Probability
-		if l.BStandardError <= 0 || l.BStandardError > l.B || l.Probability < 0.025 {
+		b, probability = b+*l.B, probability+*l.Probability
+		if *l.BStandardError <= 0 || *l.BStandardError > *l.B || *l.Probability < 0.025 {
 			t.Errorf("%+v", l)
 		}
 	}

@@ -196,6 +196,7 @@ func (r *run) count(batch *merge.Batch, workerID string) {
 	for _, s := range batch.Segments {
 		mutations += s.Counts.Mutations
 		r.c.metrics.rays.Add(float64(s.Counts.Rays))
+		r.c.metrics.trapped.Add(float64(s.Counts.ChainsTrapped))
 		if _, proven := r.checks.proven[segmentKey{batch.Round, s.Segment}]; !proven {
 			r.checks.unchecked[workerID]++
 		}

@@ -4,12 +4,15 @@ import (
 	"fmt"
 	"io"
 	"maps"
+	"slices"
+	"strings"
 	"time"
 
 	"metrofarm/services/internal/checkpoint"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/render"
 	"metrofarm/services/internal/round"
+	"metrofarm/services/internal/tally"
 )
 
 // checkpointShare is the most of the time that checkpoints may take: one hundredth.
@@ -108,6 +111,7 @@ func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	r.dirty = true
 	maps.DeleteFunc(r.checks.proven, func(key segmentKey, _ round.Mark) bool { return key.round < r.state.Closed })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
+	r.warnOfTrapped(&r.state.Account.Counts)
 	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)
 	if last {
 		r.state.Drop()
@@ -120,6 +124,21 @@ func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	r.publish("image", fmt.Sprintf("round %d", point.Round), nil)
 	r.save()
 }
+
+// warnOfTrapped warns, once, of chains that did not move for very long: where one stays, the image
+// has a bright spot and the rest of it is short of samples. Requires: mu; the caller saves.
+func (r *run) warnOfTrapped(counts *tally.Counts) {
+	if counts.ChainsTrapped == 0 || slices.ContainsFunc(r.rec.Warnings, isTrappedWarning) {
+		return
+	}
+	r.warn(fmt.Sprintf("%s: the longest stay so far has %d mutations, %d chains are trapped by now; another "+
+		"integrator or more large steps may help", trappedWarning, counts.LongestStay, counts.TrappedNow()))
+}
+
+// trappedWarning begins the warning of trapped chains.
+var trappedWarning = fmt.Sprintf("chains do not move for %d mutations and more", tally.TrappedAfter)
+
+func isTrappedWarning(text string) bool { return strings.HasPrefix(text, trappedWarning) }
 
 // perPixel is what one unit of a round's size amounts to per pixel.
 func (r *run) perPixel() float64 {

@@ -58,7 +58,7 @@ func (r *run) imageSource() (*render.State, job.Image, error) {
 
 func (r *run) developInto(image *job.Image, state *render.State) {
 	images := develop.Develop(state.Total, state.Scales())
-	image.RGB, image.Variance = images.RGB(), images.VarianceImage()
+	image.RGB, image.Variance, image.Layers = images.RGB(), images.VarianceImage(), state.Layers()
 	image.Mutations = state.Account.Counts.Mutations
 	if n := len(state.Points); n > 0 {
 		p := state.Points[n-1]

@@ -14,6 +14,7 @@ type metrics struct {
 	expired           prometheus.Counter
 	mutations         prometheus.Counter
 	rays              prometheus.Counter
+	trapped           prometheus.Counter
 	mergeSeconds      prometheus.Histogram
 	checkpointSeconds prometheus.Histogram
 
@@ -40,6 +41,7 @@ func newMetrics(c *Coordinator) *metrics {
 		expired:           counter("metrofarm_leases_expired_total", "Leases that ran out without result."),
 		mutations:         counter("metrofarm_mutations_total", "Merged mutations and path samples."),
 		rays:              counter("metrofarm_rays_total", "Rays of merged segments."),
+		trapped:           counter("metrofarm_trapped_chains_total", "Stays of chains, in merged segments, that reached 2000 mutations."),
 		mergeSeconds:      histogram("metrofarm_merge_seconds", "Time from the last tile of a batch to its merge."),
 		checkpointSeconds: histogram("metrofarm_checkpoint_seconds", "Time to write a checkpoint."),
 		jobs:              desc("metrofarm_jobs", "Jobs by state.", "state"),
@@ -65,7 +67,7 @@ func (m *metrics) countBatch(outcome farmv1.Outcome, segments int) {
 func (c *Coordinator) Collector() prometheus.Collector { return c.metrics }
 
 func (m *metrics) parts() []prometheus.Collector {
-	return []prometheus.Collector{m.segments, m.expired, m.mutations, m.rays, m.mergeSeconds, m.checkpointSeconds}
+	return []prometheus.Collector{m.segments, m.expired, m.mutations, m.rays, m.trapped, m.mergeSeconds, m.checkpointSeconds}
 }
 
 // Describe implements prometheus.Collector.

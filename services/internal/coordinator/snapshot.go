@@ -76,8 +76,9 @@ func (r *run) describeWork(s *job.Snapshot) {
 	s.Rays += counts.Rays
 	s.Anomalies = counts.AnomalyMap()
 	s.Acceptance, s.CoordinatesPerMutation = counts.Acceptance(), counts.CoordinatesPerMutation()
+	s.LongestStay, s.TrappedChains = counts.LongestStay, counts.TrappedNow()
 	if r.state != nil {
-		s.Lengths = lengths(r.state, &counts)
+		s.Lengths, s.Techniques = lengths(r.state, &counts), techniques(&counts)
 	}
 	if r.rec.State == job.Rendering {
 		s.MutationsPerSecond = r.meter.rate(r.c.options.Now())
@@ -93,6 +94,7 @@ func (r *run) describePoints(s *job.Snapshot) {
 	}
 	p := r.state.Points[s.RoundsDone-1]
 	s.B, s.BStandardError, s.FilmSHA256 = p.B, p.BStandardError, p.FilmSHA256
+	s.EffectiveSamples, s.EffectiveSamplesPerMutation = p.EffectiveSamples, p.EffectiveSamplesPerMutation
 	if known(p) {
 		s.RelMSE, s.RelMSEInterval = &p.RelMSE, &p.RelMSEInterval
 	}
@@ -111,26 +113,52 @@ func bootstrapB(halves [film.Halves]tally.Sums) (b, standardError float64) {
 	return all.Mean(), all.StandardError()
 }
 
-// lengths tells of the paths of each length, none where samples have no length of their own.
+// lengths tells of the samples of each length up to the longest that there was, none where nothing
+// was counted by length.
 func lengths(state *render.State, counts *tally.Counts) []job.Length {
-	var proposed uint64
-	for _, n := range counts.ProposedByLength {
-		proposed += n
-	}
+	proposed, used := total(counts.ProposedByLength[:])
 	var all []job.Length
-	for k, sums := range state.Lengths {
-		edges := k + 1
+	for edges := 1; edges < max(used, len(state.Lengths)+1); edges++ {
 		length := job.Length{
-			Edges: edges, B: sums.Mean(), BStandardError: sums.StandardError(),
+			Edges:      edges,
 			Proposed:   tally.Share(counts.ProposedByLength[edges], proposed),
 			Acceptance: tally.Share(counts.AcceptedByLength[edges], counts.ProposedByLength[edges]),
 		}
-		if p := state.Spec.GetLengthProbabilities(); k < len(p) {
-			length.Probability = p[k]
+		if k := edges - 1; k < len(state.Lengths) {
+			b, standardError := state.Lengths[k].Mean(), state.Lengths[k].StandardError()
+			length.B, length.BStandardError = &b, &standardError
+			if p := state.Spec.GetLengthProbabilities(); k < len(p) {
+				length.Probability = &p[k]
+			}
 		}
 		all = append(all, length)
 	}
 	return all
+}
+
+// techniques tells of the samples of each technique up to the last that there was.
+func techniques(counts *tally.Counts) []job.Technique {
+	proposed, used := total(counts.ProposedByTechnique[:])
+	var all []job.Technique
+	for s := range used {
+		all = append(all, job.Technique{
+			LightVertices: s,
+			Proposed:      tally.Share(counts.ProposedByTechnique[s], proposed),
+			Acceptance:    tally.Share(counts.AcceptedByTechnique[s], counts.ProposedByTechnique[s]),
+		})
+	}
+	return all
+}
+
+// total sums counts, and tells how many there are up to the last that is not zero.
+func total(counts []uint64) (sum uint64, used int) {
+	for i, n := range counts {
+		sum += n
+		if n > 0 {
+			used = i + 1
+		}
+	}
+	return sum, used
 }
 
 func (r *run) describePhase(s *job.Snapshot) {

@@ -62,6 +62,7 @@ func rules() map[string]rule {
 		},
 		"delayed_rejection":    {asked("delayed_rejection"), "plan", "default"},
 		"layer_weights":        {asked("layer_weights"), "plan", "default"},
+		"layers":               {asked("layers"), "plan", "default"},
 		"technique_coordinate": {asked("technique_coordinate"), "plan", "default"},
 		"length_probabilities": {nil, "bootstrap", "in proportion to each length's share of b, with a floor"},
 		"direct_sizes":         {asked("direct_apart"), "plan", "a quarter of a sample for each mutation"},

@@ -63,6 +63,35 @@ func TestFloatRoundTripIsExact(t *testing.T) {
 	}
 }
 
+func TestLayersComeBackExactly(t *testing.T) {
+	image := sample(33, 17)
+	for i, name := range []string{"acceptance", "technique.s0", "technique.s4"} {
+		layer := job.ImageLayer{Name: name, Channels: [3]string{"R", "G", "B"}, Values: make([]float32, len(image.RGB))}
+		for k := range layer.Values {
+			layer.Values[k] = float32(k) * (0.1 + float32(i))
+		}
+		image.Layers = append(image.Layers, layer)
+	}
+	file := roundTrip(t, image, exr.Options{Half: true, Variance: true})
+	if len(file.Channels) != 15 {
+		t.Fatalf("%d channels", len(file.Channels))
+	}
+	for _, layer := range image.Layers {
+		for c, channel := range layer.Channels {
+			name := layer.Name + "." + channel
+			for i, value := range file.Channels[name] {
+				if value != layer.Values[3*i+c] || file.Half[name] {
+					t.Fatalf("%s[%d] = %v, want %v", name, i, value, layer.Values[3*i+c])
+				}
+			}
+		}
+	}
+	image.Layers[1].Values = image.Layers[1].Values[1:]
+	if err := exr.Write(&bytes.Buffer{}, image, exr.Options{}); err == nil || !strings.Contains(err.Error(), "technique.s0") {
+		t.Errorf("a layer of another size: %v", err)
+	}
+}
+
 func TestAttributes(t *testing.T) {
 	file := roundTrip(t, sample(2, 2), exr.Options{})
 	want := map[string]string{

@@ -21,10 +21,14 @@ char* mf_exr_set_string(mf_exr_writer* writer, const char* name, const char* val
 char* mf_exr_set_int(mf_exr_writer* writer, const char* name, int value);
 char* mf_exr_set_float(mf_exr_writer* writer, const char* name, float value);
 
-/* Encodes rgb (3 floats per pixel, rows from the top) and, unless it is NULL, variance (likewise)
- * as ZIP-compressed scanlines. The file's bytes belong to the writer. */
-char* mf_exr_encode(mf_exr_writer* writer, const float* rgb, const float* variance, int half,
-                    const char** bytes, size_t* size);
+/* Adds channel `name` of 32-bit floats, every third value (rows from the top); the values must stay
+ * where they are until the file is encoded. */
+char* mf_exr_add_channel(mf_exr_writer* writer, const char* name, const float* values);
+
+/* Encodes rgb (3 floats per pixel, rows from the top) and the channels that were added as
+ * ZIP-compressed scanlines. The file's bytes belong to the writer. */
+char* mf_exr_encode(mf_exr_writer* writer, const float* rgb, int half, const char** bytes,
+                    size_t* size);
 
 /* An image that was read. */
 typedef struct mf_exr_reader mf_exr_reader;

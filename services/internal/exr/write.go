@@ -15,6 +15,7 @@ import (
 	"fmt"
 	"io"
 	"math"
+	"runtime"
 	"strconv"
 	"unsafe"
 
@@ -34,8 +35,8 @@ type Options struct {
 	Variance bool
 }
 
-// Write writes image to w: scanlines, ZIP, linear RGB with Rec. 709 chromaticities, and how the
-// image came about as attributes. It holds the whole file in memory until it is complete.
+// Write writes image to w: scanlines, ZIP, linear RGB with Rec. 709 chromaticities, the image's
+// layers as 32-bit floats, and how the image came about as attributes. It holds the whole file in memory until it is complete.
 func Write(w io.Writer, image job.Image, options Options) error {
 	if err := check(image, options); err != nil {
 		return fmt.Errorf("writing EXR: %w", err)
@@ -67,13 +68,30 @@ func check(image job.Image, options Options) error {
 		return fmt.Errorf("%d variances for %d x %d pixels, want %d",
 			len(image.Variance), image.Width, image.Height, want)
 	}
+	for _, layer := range image.Layers {
+		if len(layer.Values) != want {
+			return fmt.Errorf("layer %s: %d values for %d x %d pixels, want %d",
+				layer.Name, len(layer.Values), image.Width, image.Height, want)
+		}
+	}
 	return nil
 }
 
 func encode(w io.Writer, writer *C.mf_exr_writer, image job.Image, options Options) error {
-	var variance *C.float
+	layers := image.Layers
 	if options.Variance {
-		variance = (*C.float)(&image.Variance[0])
+		layers = append(layers[:len(layers):len(layers)], job.ImageLayer{
+			Name: "variance", Channels: [3]string{"R", "G", "B"}, Values: image.Variance,
+		})
+	}
+	// The writer keeps pointers to the values until the file is encoded.
+	var pinner runtime.Pinner
+	defer pinner.Unpin()
+	for _, layer := range layers {
+		pinner.Pin(&layer.Values[0])
+		if err := addLayer(writer, layer); err != nil {
+			return err
+		}
 	}
 	half := C.int(0)
 	if options.Half {
@@ -81,12 +99,25 @@ func encode(w io.Writer, writer *C.mf_exr_writer, image job.Image, options Optio
 	}
 	var bytes *C.char
 	var size C.size_t
-	message := C.mf_exr_encode(writer, (*C.float)(&image.RGB[0]), variance, half, &bytes, &size)
+	message := C.mf_exr_encode(writer, (*C.float)(&image.RGB[0]), half, &bytes, &size)
 	if err := toError(message); err != nil {
 		return err
 	}
 	_, err := w.Write(unsafe.Slice((*byte)(unsafe.Pointer(bytes)), int(size)))
 	return err
+}
+
+// addLayer requires: the values are pinned.
+func addLayer(writer *C.mf_exr_writer, layer job.ImageLayer) error {
+	for c, channel := range layer.Channels {
+		name := C.CString(layer.Name + "." + channel)
+		err := toError(C.mf_exr_add_channel(writer, name, (*C.float)(&layer.Values[c])))
+		C.free(unsafe.Pointer(name))
+		if err != nil {
+			return fmt.Errorf("layer %s: %w", layer.Name, err)
+		}
+	}
+	return nil
 }
 
 // setAttributes records how the image came about. Counts that may pass 2^31 and the seed are

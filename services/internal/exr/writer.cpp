@@ -42,7 +42,6 @@ class MemoryStream final : public Imf::OStream {
 };
 
 constexpr const char* kColors[] = {"R", "G", "B"};
-constexpr const char* kVariances[] = {"variance.R", "variance.G", "variance.B"};
 
 // An overflow to infinity would spoil every filter that touches the pixel.
 half to_half(float value) {
@@ -50,16 +49,15 @@ half to_half(float value) {
   return half(std::clamp(value, -limit, limit));
 }
 
+// One of three interleaved channels.
 template <typename T>
-void add_planes(Imf::Header& header, Imf::FrameBuffer& frame, const char* const (&names)[3],
-                const T* pixels, Imf::PixelType type) {
+void add_channel(Imf::Header& header, Imf::FrameBuffer& frame, const char* name, const T* values,
+                 Imf::PixelType type) {
   const auto width = static_cast<size_t>(header.dataWindow().max.x) + 1;
-  for (int c = 0; c < 3; ++c) {
-    header.channels().insert(names[c], Imf::Channel(type));
-    // The library takes a mutable pointer for reading and writing alike; writing a file only reads.
-    auto* base = reinterpret_cast<char*>(const_cast<T*>(pixels + c));
-    frame.insert(names[c], Imf::Slice(type, base, 3 * sizeof(T), 3 * sizeof(T) * width));
-  }
+  header.channels().insert(name, Imf::Channel(type));
+  // The library takes a mutable pointer for reading and writing alike; writing a file only reads.
+  auto* base = reinterpret_cast<char*>(const_cast<T*>(values));
+  frame.insert(name, Imf::Slice(type, base, 3 * sizeof(T), 3 * sizeof(T) * width));
 }
 
 }  // namespace
@@ -70,26 +68,29 @@ struct mf_exr_writer {
     Imf::addChromaticities(header, Imf::Chromaticities());  // the default is Rec. 709
   }
 
-  void encode(const float* rgb, const float* variance, bool as_half) {
+  void encode(const float* rgb, bool as_half) {
     const int height = header.dataWindow().max.y + 1;
     const auto count =
         3 * (static_cast<size_t>(header.dataWindow().max.x) + 1) * static_cast<size_t>(height);
-    Imf::FrameBuffer frame;
     std::vector<half> halves;
     if (as_half) {
       halves.resize(count);
       std::transform(rgb, rgb + count, halves.begin(), to_half);
-      add_planes(header, frame, kColors, halves.data(), Imf::HALF);
-    } else {
-      add_planes(header, frame, kColors, rgb, Imf::FLOAT);
     }
-    if (variance != nullptr) add_planes(header, frame, kVariances, variance, Imf::FLOAT);
+    for (int c = 0; c < 3; ++c) {
+      if (as_half) {
+        add_channel(header, frame, kColors[c], halves.data() + c, Imf::HALF);
+      } else {
+        add_channel(header, frame, kColors[c], rgb + c, Imf::FLOAT);
+      }
+    }
     Imf::OutputFile file(stream, header);
     file.setFrameBuffer(frame);
     file.writePixels(height);
   }
 
   Imf::Header header;
+  Imf::FrameBuffer frame;
   MemoryStream stream;
 };
 
@@ -115,10 +116,14 @@ char* mf_exr_set_float(mf_exr_writer* writer, const char* name, float value) {
   return guarded([&] { writer->header.insert(name, Imf::FloatAttribute(value)); });
 }
 
-char* mf_exr_encode(mf_exr_writer* writer, const float* rgb, const float* variance, int as_half,
-                    const char** bytes, size_t* size) {
+char* mf_exr_add_channel(mf_exr_writer* writer, const char* name, const float* values) {
+  return guarded([&] { add_channel(writer->header, writer->frame, name, values, Imf::FLOAT); });
+}
+
+char* mf_exr_encode(mf_exr_writer* writer, const float* rgb, int as_half, const char** bytes,
+                    size_t* size) {
   return guarded([&] {
-    writer->encode(rgb, variance, as_half != 0);
+    writer->encode(rgb, as_half != 0);
     *bytes = writer->stream.bytes().data();
     *size = writer->stream.bytes().size();
   });

@@ -19,13 +19,15 @@ const (
 
 	// MaxSide is the largest film width and height.
 	MaxSide = 32768
+
+	maxLayers = 14
 )
 
 // Shape is what fixes the number and meaning of a film's values.
 type Shape struct {
 	Width, Height int
 	// Layers: 2 for chains (chain weights, large steps), 3 with direct light apart, 1 for independent
-	// samples.
+	// samples; then, of chains, 1 for the acceptance map and 10 for images by technique.
 	Layers int
 }
 
@@ -34,8 +36,8 @@ func (s Shape) Validate() error {
 	if s.Width < 1 || s.Height < 1 || s.Width > MaxSide || s.Height > MaxSide {
 		return fmt.Errorf("film: size %d x %d is outside 1..%d", s.Width, s.Height, MaxSide)
 	}
-	if s.Layers < 1 || s.Layers > 3 {
-		return fmt.Errorf("film: %d layers, not 1 to 3", s.Layers)
+	if s.Layers < 1 || s.Layers > maxLayers {
+		return fmt.Errorf("film: %d layers, not 1 to %d", s.Layers, maxLayers)
 	}
 	return nil
 }

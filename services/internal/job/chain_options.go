@@ -1,6 +1,9 @@
 package job
 
-import "cmp"
+import (
+	"cmp"
+	"slices"
+)
 
 // Radii of the kelemen kernels (Kelemen et al. 2002, section 3.2), as shares of the torus.
 const (
@@ -35,6 +38,9 @@ const (
 
 	TargetLuminance = "luminance"
 	TargetEqualized = "equalized"
+
+	LayerAcceptance = "acceptance"
+	LayerTechniques = "techniques"
 )
 
 func chainOptions() []Option {
@@ -141,6 +147,13 @@ func chainOptions() []Option {
 			"leave light that bounces at most once to independent paths; default off", func(r *Request) any { return &r.DirectApart },
 		},
 		{
+			"layers", "layers", "",
+			[]string{LayerAcceptance, LayerTechniques},
+			chains,
+			"layers added to the EXR file, as a list with commas: how proposals fare by pixel; images by technique, mmlt only; default none",
+			func(r *Request) any { return &r.Layers },
+		},
+		{
 			"technique_coordinate", "technique-coordinate", "",
 			[]string{TechniqueFrozen, TechniqueMutated},
 			[]string{IntegratorMMLT},
@@ -189,6 +202,8 @@ func (r *Request) checkChains() error {
 		return invalid("eye_step_probability", "is %v, outside 0 <= p <= 1", r.EyeStepProbability)
 	case !(r.LightStepProbability >= 0 && r.LightStepProbability <= 1):
 		return invalid("light_step_probability", "is %v, outside 0 <= p <= 1", r.LightStepProbability)
+	case slices.Contains(r.Layers, LayerTechniques) && r.Integrator != "" && r.Integrator != IntegratorAuto && r.Integrator != IntegratorMMLT:
+		return invalid("layers", "techniques belong to mmlt; integrator is %s", r.Integrator)
 	case r.Chains > maxChains:
 		return invalid("chains", "is above %d", maxChains)
 	}

@@ -21,8 +21,8 @@ type Option struct {
 	Integrators []string
 	// Text says what it does.
 	Text string
-	// In returns the address of the field: a *string, *float64, *uint64, *int, *bool, **int or
-	// *map[string]string.
+	// In returns the address of the field: a *string, *float64, *uint64, *int, *bool, **int,
+	// *[]string (any number of the choices) or *map[string]string.
 	In func(*Request) any
 }
 

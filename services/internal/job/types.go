@@ -70,6 +70,8 @@ type Request struct {
 	KernelTuning        string  `json:"kernel_tuning,omitempty"`
 	Target              string  `json:"target,omitempty"`
 	DirectApart         string  `json:"direct_apart,omitempty"`
+	// Layers of the image file that tell how the chains explore.
+	Layers []string `json:"layers,omitempty"`
 
 	// BootstrapSamples is rounded up to what the group size asks for.
 	BootstrapSamples uint64 `json:"bootstrap_samples,omitempty"`
@@ -127,6 +129,10 @@ type ConvergencePoint struct {
 	// Chains only.
 	Acceptance             Acceptance `json:"acceptance"`
 	CoordinatesPerMutation float64    `json:"coordinates_per_mutation,omitempty"`
+	// EffectiveSamples is how many independent samples of the chains' target would tell the cells of
+	// a 16 x 16 grid as exactly; 0 where it cannot be told.
+	EffectiveSamples            float64 `json:"effective_samples,omitempty"`
+	EffectiveSamplesPerMutation float64 `json:"effective_samples_per_mutation,omitempty"`
 }
 
 // Acceptance ratios of chain mutations; NaN-free: a kind that never ran is absent.
@@ -140,15 +146,25 @@ type Acceptance struct {
 	SecondAfterLarge *float64 `json:"second_after_large,omitempty"`
 }
 
-// Length is what is known about the paths of one length (mmlt).
+// Length is what is known about the samples of one length (chains).
 type Length struct {
-	// Edges of the paths; 1 sees lights directly.
+	// Edges of the paths (mmlt; 1 sees lights directly), or those that the eye path followed; 32 stands
+	// for all longer ones, too.
 	Edges int `json:"edges"`
-	// B is their share of b, from the bootstrap.
-	B              float64 `json:"b"`
-	BStandardError float64 `json:"b_standard_error"`
-	// Probability of a large step to draw the length.
-	Probability float64 `json:"probability"`
+	// B is their share of b, from the bootstrap (mmlt).
+	B              *float64 `json:"b,omitempty"`
+	BStandardError *float64 `json:"b_standard_error,omitempty"`
+	// Probability of a large step to draw the length (mmlt).
+	Probability *float64 `json:"probability,omitempty"`
+	// Proposed is the share of first-stage proposals with it, Acceptance that of them accepted.
+	Proposed   *float64 `json:"proposed,omitempty"`
+	Acceptance *float64 `json:"acceptance,omitempty"`
+}
+
+// Technique is what is known about the samples of one bidirectional technique (mmlt).
+type Technique struct {
+	// LightVertices of the paths: 0 where the eye path meets the light by itself.
+	LightVertices int `json:"light_vertices"`
 	// Proposed is the share of first-stage proposals with it, Acceptance that of them accepted.
 	Proposed   *float64 `json:"proposed,omitempty"`
 	Acceptance *float64 `json:"acceptance,omitempty"`
@@ -197,11 +213,19 @@ type Snapshot struct {
 	Acceptance         Acceptance `json:"acceptance"`
 	// CoordinatesPerMutation is how many random numbers a chain's proposals asked for.
 	CoordinatesPerMutation float64 `json:"coordinates_per_mutation,omitempty"`
-	// Lengths of paths (mmlt).
-	Lengths    []Length          `json:"lengths,omitempty"`
-	Anomalies  map[string]uint64 `json:"anomalies"`
-	FilmSHA256 string            `json:"film_sha256,omitempty"`
-	Warnings   []string          `json:"warnings,omitempty"`
+	// Lengths of samples (chains) and their techniques (mmlt).
+	Lengths    []Length    `json:"lengths,omitempty"`
+	Techniques []Technique `json:"techniques,omitempty"`
+	// EffectiveSamples after the last round, see ConvergencePoint.
+	EffectiveSamples            float64 `json:"effective_samples,omitempty"`
+	EffectiveSamplesPerMutation float64 `json:"effective_samples_per_mutation,omitempty"`
+	// LongestStay is the largest number of mutations that a chain has not moved for (chains).
+	// TrappedChains are those that have not moved for 2000 and more by now.
+	LongestStay   uint64            `json:"longest_stay,omitempty"`
+	TrappedChains uint64            `json:"trapped_chains,omitempty"`
+	Anomalies     map[string]uint64 `json:"anomalies"`
+	FilmSHA256    string            `json:"film_sha256,omitempty"`
+	Warnings      []string          `json:"warnings,omitempty"`
 	// Resolved spec in protobuf JSON, once known: submit it as Request.Resolved to repeat the job.
 	Resolved string `json:"resolved,omitempty"`
 }
@@ -211,12 +235,22 @@ type Image struct {
 	Width, Height int
 	// RGB and Variance hold 3 values per pixel, row by row from the top.
 	RGB, Variance []float32
+	// Layers beside them.
+	Layers []ImageLayer
 	// Attributes for the image file.
 	SceneDigest, FilmSHA256, Integrator, JobID string
 	Seed, Mutations                            uint64
 	Rounds                                     int
 	B, BStandardError, RelMSE                  float64
 	Final                                      bool
+}
+
+// ImageLayer is a layer of the image file: Channels are its channels' names, after a dot.
+type ImageLayer struct {
+	Name     string
+	Channels [3]string
+	// Values, 3 per pixel, row by row from the top.
+	Values []float32
 }
 
 // Event is one entry of a job's event log.

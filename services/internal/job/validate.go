@@ -47,8 +47,10 @@ func (r *Request) validateScene() error {
 
 func (r *Request) validateChoices() error {
 	for _, o := range Options() {
-		if word, is := o.In(r).(*string); is && len(o.Choices) > 0 && *word != "" && !slices.Contains(o.Choices, *word) {
-			return invalid(o.Field, "is %q; allowed: %q", *word, o.Choices)
+		for _, word := range words(o.In(r)) {
+			if len(o.Choices) > 0 && !slices.Contains(o.Choices, word) {
+				return invalid(o.Field, "is %q; allowed: %q", word, o.Choices)
+			}
 		}
 	}
 	if r.Integrator == "" || r.Integrator == IntegratorAuto {
@@ -61,6 +63,19 @@ func (r *Request) validateChoices() error {
 	}
 	if r.Under == IntegratorBDPT && r.LightSampling != "" {
 		return invalid("light_sampling", "belongs to path tracing; under bdpt has every technique")
+	}
+	return nil
+}
+
+// words that a field gives.
+func words(field any) []string {
+	switch field := field.(type) {
+	case *string:
+		if *field != "" {
+			return []string{*field}
+		}
+	case *[]string:
+		return *field
 	}
 	return nil
 }

@@ -164,6 +164,8 @@ func checkSegment(s *farmv1.SegmentResult, chains int) (Segment, error) {
 		return Segment{}, fmt.Errorf("%d kinds of anomalies", len(s.GetCounts().GetAnomalies()))
 	case max(len(s.GetCounts().GetProposedByLength()), len(s.GetCounts().GetAcceptedByLength())) > tally.MaxLengths:
 		return Segment{}, errors.New("counts of too many path lengths")
+	case max(len(s.GetCounts().GetProposedByTechnique()), len(s.GetCounts().GetAcceptedByTechnique())) > tally.MaxTechniques:
+		return Segment{}, errors.New("counts of too many techniques")
 	case len(s.GetState()) > maxStateBytes:
 		return Segment{}, fmt.Errorf("state of %d bytes", len(s.GetState()))
 	case chains > 0 && len(s.GetState()) == 0:

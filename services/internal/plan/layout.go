@@ -33,8 +33,8 @@ func Cells(spec *jobv1.ResolvedSpec, report *scenev1.SceneReport) int {
 	return (int(spec.GetWidth()) + border) * (int(spec.GetHeight()) + border)
 }
 
-// RunsChains tells whether the samples are those of Markov chains, whose film has two layers; else
-// they are independent.
+// RunsChains tells whether the samples are those of Markov chains, whose film has two layers and
+// more; else they are independent.
 func RunsChains(spec *jobv1.ResolvedSpec) bool {
 	return spec.GetIntegrator() == jobv1.Integrator_INTEGRATOR_PSSMLT || Multiplexed(spec)
 }
@@ -82,14 +82,7 @@ func Chains(spec *jobv1.ResolvedSpec) int {
 
 // Shape of the job's film.
 func Shape(spec *jobv1.ResolvedSpec) film.Shape {
-	layers := 1
-	if RunsChains(spec) {
-		layers = 2
-	}
-	if DirectApart(spec) {
-		layers = 3
-	}
-	return film.Shape{Width: int(spec.GetWidth()), Height: int(spec.GetHeight()), Layers: layers}
+	return film.Shape{Width: int(spec.GetWidth()), Height: int(spec.GetHeight()), Layers: layers(spec)}
 }
 
 // Range is a run of bootstrap indices.

@@ -89,8 +89,10 @@ func Resolve(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, [
 		if apart {
 			spec.DirectSizes = directSizes(spec)
 		}
-		if warning != "" {
-			warnings = append(warnings, warning)
+		for _, text := range []string{warning, setLayers(spec, r)} {
+			if text != "" {
+				warnings = append(warnings, text)
+			}
 		}
 	}
 	return spec, warnings, nil

@@ -75,6 +75,9 @@ func checkIntegrator(s *jobv1.ResolvedSpec) string {
 	if !RunsChains(s) && (DirectApart(s) || s.GetTargetMap() != nil) {
 		return "direct_sizes and target_map belong to chains"
 	}
+	if detail := checkLayers(s); detail != "" {
+		return detail
+	}
 	if s.GetUnder() != 0 && s.GetIntegrator() != jobv1.Integrator_INTEGRATOR_PSSMLT {
 		return "under belongs to INTEGRATOR_PSSMLT"
 	}

@@ -6,6 +6,7 @@ import (
 	"google.golang.org/protobuf/proto"
 
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
+	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
 )
 
@@ -32,7 +33,7 @@ func NeedsMap(spec *jobv1.ResolvedSpec, r job.Request) bool {
 // seed of its own.
 func MapPilot(spec *jobv1.ResolvedSpec) *jobv1.ResolvedSpec {
 	pilot := proto.CloneOf(spec)
-	pilot.DirectSizes = nil
+	pilot.DirectSizes, pilot.Layers = nil, nil
 	pilot.Seed ^= mapSeed
 	return pilot
 }
@@ -90,4 +91,31 @@ func checkMap(m *jobv1.TargetMap) string {
 		}
 	}
 	return ""
+}
+
+// densitySide of the points, in a cell of the film's low-resolution grid, that the map is read at.
+const densitySide = 4
+
+// TargetDensity is how much more a cell of the film's low-resolution planes is sought, per
+// luminance, than without a target map: the mean of 1 over the map's values there. nil: everywhere
+// alike.
+func TargetDensity(spec *jobv1.ResolvedSpec) []float64 {
+	m := spec.GetTargetMap()
+	if m == nil {
+		return nil
+	}
+	shape, side := Shape(spec), int(m.GetSide())
+	at := func(cell, cellSize, point, pixels int) int {
+		position := (float64(cell) + (float64(point)+0.5)/densitySide) * float64(cellSize) / float64(pixels)
+		return min(int(position*float64(side)), side-1)
+	}
+	density := make([]float64, film.LowSize*film.LowSize)
+	for cell := range density {
+		for point := range densitySide * densitySide {
+			column := at(cell%film.LowSize, shape.CellWidth(), point%densitySide, shape.Width)
+			row := at(cell/film.LowSize, shape.CellHeight(), point/densitySide, shape.Height)
+			density[cell] += 1 / float64(m.GetValues()[row*side+column]) / (densitySide * densitySide)
+		}
+	}
+	return density
 }

@@ -11,6 +11,7 @@ import (
 
 	"metrofarm/services/internal/convergence"
 	"metrofarm/services/internal/develop"
+	"metrofarm/services/internal/diagnose"
 	"metrofarm/services/internal/film"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/plan"
@@ -68,6 +69,22 @@ func (s *State) Scales() develop.Scales {
 	if !s.Chains() {
 		return develop.Path(s.Spec.GetUnit(), s.SamplesBefore(s.Closed))
 	}
+	return develop.PSSMLT(s.chainTotals())
+}
+
+// Layers develops those of the film that the spec asks for beside the image.
+func (s *State) Layers() []job.ImageLayer {
+	var all []job.ImageLayer
+	if layer, has := plan.AcceptanceLayer(s.Spec); has {
+		all = append(all, develop.AcceptanceMap(s.Total, layer, s.Cells, s.Account.Counts.Mutations))
+	}
+	if first, has := plan.TechniqueLayers(s.Spec); has {
+		all = append(all, develop.Techniques(s.Total, s.Scales(), first, plan.TechniqueImages)...)
+	}
+	return all
+}
+
+func (s *State) chainTotals() develop.ChainTotals {
 	t := develop.ChainTotals{
 		Cells: s.Cells, Unit: s.Spec.GetUnit(),
 		Mutations: s.Account.Mutations, LargeSteps: s.Account.LargeSteps, Samples: s.Bootstrap,
@@ -80,7 +97,7 @@ func (s *State) Scales() develop.Scales {
 			t.Samples[g%film.Halves].Merge(c, t.Unit)
 		}
 	}
-	return develop.PSSMLT(t)
+	return t
 }
 
 // Evaluate describes the closed rounds: error, b and the film's hash. Clock and wall time are the
@@ -97,7 +114,7 @@ func (s *State) Evaluate() (job.ConvergencePoint, error) {
 	if !s.Chains() {
 		b, standardError = pathB(&images)
 	}
-	return job.ConvergencePoint{
+	point := job.ConvergencePoint{
 		Round:           s.Closed - 1,
 		Mutations:       s.Account.Counts.Mutations,
 		PathEvaluations: s.Account.Counts.PathEvaluations,
@@ -111,7 +128,13 @@ func (s *State) Evaluate() (job.ConvergencePoint, error) {
 
 		Acceptance:             s.Account.Counts.Acceptance(),
 		CoordinatesPerMutation: s.Account.Counts.CoordinatesPerMutation(),
-	}, nil
+	}
+	if s.Chains() {
+		effective := diagnose.EffectiveSamples(s.Total, s.chainTotals(), plan.TargetDensity(s.Spec))
+		point.EffectiveSamples = effective.Samples
+		point.EffectiveSamplesPerMutation = effective.PerMutation
+	}
+	return point, nil
 }
 
 // pathB is the mean luminance of a path-traced image; the halves' difference is its error.
@@ -146,7 +169,7 @@ func (s *State) writeCanonical(w io.Writer) error {
 			}
 		}
 	}
-	buffer := []byte("metrofarm film 2\n")
+	buffer := []byte("metrofarm film 3\n")
 	for _, word := range words {
 		buffer = binary.LittleEndian.AppendUint64(buffer, word)
 	}

@@ -29,13 +29,24 @@ type Counts struct {
 	Anomalies   [AnomalyKinds]uint64
 	// First-stage proposals by path length in edges, and those accepted.
 	ProposedByLength, AcceptedByLength [MaxLengths]uint64
+	// The same by technique: vertices of the light subpath (mmlt).
+	ProposedByTechnique, AcceptedByTechnique [MaxTechniques]uint64
+	// LongestStay of a chain, in mutations; how many stays reached the bound that makes a chain
+	// trapped, and how many of these ended.
+	LongestStay, ChainsTrapped, ChainsFreed uint64
 }
 
-// MaxLengths is the number of path lengths that counts tell apart, the unused 0 included.
-const MaxLengths = 33
+const (
+	// MaxLengths is the number of path lengths that counts tell apart, the unused 0 included.
+	MaxLengths = 33
+	// MaxTechniques likewise.
+	MaxTechniques = 33
+	// TrappedAfter so many mutations without a move a chain counts as trapped: workers have it so.
+	TrappedAfter = 2000
+)
 
-// FromProto converts a segment's counts. Anomaly kinds and path lengths that this version does not
-// know are refused by the caller's validation before.
+// FromProto converts a segment's counts. Anomaly kinds, path lengths and techniques that this
+// version does not know are refused by the caller's validation before.
 func FromProto(p *farmv1.SegmentCounts) Counts {
 	c := Counts{
 		Mutations: p.GetMutations(), PathEvaluations: p.GetPathEvaluations(), Rays: p.GetRays(),
@@ -45,14 +56,17 @@ func FromProto(p *farmv1.SegmentCounts) Counts {
 		SecondStages: p.GetSecondStages(), SecondAccepted: p.GetSecondAccepted(),
 		SecondAfterLarge: p.GetSecondAfterLarge(), SecondAfterLargeAccepted: p.GetSecondAfterLargeAccepted(),
 		Coordinates: p.GetCoordinates(),
+		LongestStay: p.GetLongestStay(), ChainsTrapped: p.GetChainsTrapped(), ChainsFreed: p.GetChainsFreed(),
 	}
 	copy(c.Anomalies[:], p.GetAnomalies())
 	copy(c.ProposedByLength[:], p.GetProposedByLength())
 	copy(c.AcceptedByLength[:], p.GetAcceptedByLength())
+	copy(c.ProposedByTechnique[:], p.GetProposedByTechnique())
+	copy(c.AcceptedByTechnique[:], p.GetAcceptedByTechnique())
 	return c
 }
 
-// Add adds d to c.
+// Add adds d to c; of the longest stays it keeps the longer.
 func (c *Counts) Add(d Counts) {
 	c.Mutations += d.Mutations
 	c.PathEvaluations += d.PathEvaluations
@@ -75,6 +89,21 @@ func (c *Counts) Add(d Counts) {
 		c.ProposedByLength[i] += d.ProposedByLength[i]
 		c.AcceptedByLength[i] += d.AcceptedByLength[i]
 	}
+	for i := range MaxTechniques {
+		c.ProposedByTechnique[i] += d.ProposedByTechnique[i]
+		c.AcceptedByTechnique[i] += d.AcceptedByTechnique[i]
+	}
+	c.LongestStay = max(c.LongestStay, d.LongestStay)
+	c.ChainsTrapped += d.ChainsTrapped
+	c.ChainsFreed += d.ChainsFreed
+}
+
+// TrappedNow is the number of chains that are trapped at the end of what was counted.
+func (c *Counts) TrappedNow() uint64 {
+	if c.ChainsFreed > c.ChainsTrapped {
+		return 0 // no sound counts have it so
+	}
+	return c.ChainsTrapped - c.ChainsFreed
 }
 
 // Words lists the counts in canonical order, for hashing.
@@ -86,7 +115,10 @@ func (c *Counts) Words() []uint64 {
 	}
 	words = append(words, c.Anomalies[:]...)
 	words = append(words, c.ProposedByLength[:]...)
-	return append(words, c.AcceptedByLength[:]...)
+	words = append(words, c.AcceptedByLength[:]...)
+	words = append(words, c.ProposedByTechnique[:]...)
+	words = append(words, c.AcceptedByTechnique[:]...)
+	return append(words, c.LongestStay, c.ChainsTrapped, c.ChainsFreed)
 }
 
 // Acceptance returns the share of proposals that were accepted, by kind.

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "math/rng.h"
 #include "tests/support/film_values.h"
@@ -43,6 +46,27 @@ TEST(Splatter, DitherIsUnbiased) {
       EXPECT_GT(test::normal_p((low - steps) / error), 1e-6) << "channel " << c;
     }
   }
+}
+
+TEST(Splatter, CountsGoToOnePixelUnfiltered) {
+  const Filter wide = filter_of(ReconstructionFilter::kGaussian, 2);
+  Film film({40, 20, 2});
+  Splatter splatter(film, wide);
+  const int64_t v[kChannels] = {int64_t{1} << 32, 7, 0};
+  const Destination to{1, 1, 5};
+  splatter.count(to, 39.9F, 19.0F, v);
+  // None of these lies in the image.
+  for (const auto& [x, y] : {std::pair{-0.1F, 3.F}, {40.F, 3.F}, {3.F, 20.F}, {-1e6F, -1e6F}})
+    splatter.count(to, x, y, v);
+  const std::vector<int64_t> full = test::full_plane(film, 3), low = test::low_plane(film, 11);
+  const size_t pixel = 19 * 40 + 39;
+  EXPECT_EQ(full[pixel * kChannels], v[0]);
+  EXPECT_EQ(full[pixel * kChannels + 1], 7);
+  EXPECT_EQ(std::count(full.begin(), full.end(), 0), 40 * 20 * kChannels - 2);
+  // Cells are 3 x 2 pixels.
+  EXPECT_EQ(low[9 * kLowGrid + 13], v[0]);
+  EXPECT_EQ(low[kLowGrid * kLowGrid + 9 * kLowGrid + 13], 7);
+  EXPECT_EQ(splatter.digest(), test::digest_from_planes(film));
 }
 
 // H0: the dithers of the channels are independent: both round up with probability 0.25. 100,000

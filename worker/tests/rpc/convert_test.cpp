@@ -175,6 +175,20 @@ TEST(ToSpec, BidirectionalTracingIsTaken) {
             "");
 }
 
+TEST(ToSpec, LayersAreTakenWhereTheyHaveAMeaning) {
+  ResolvedSpec spec = good_spec();
+  spec.add_layers(job::v1::DIAGNOSTIC_LAYER_ACCEPTANCE);
+  const auto taken = to_spec(spec, test::room());
+  ASSERT_TRUE(taken.ok()) << taken.error().to_string();
+  EXPECT_TRUE(taken.value().acceptance_layer);
+  EXPECT_FALSE(taken.value().technique_layers);
+  spec.add_layers(job::v1::DIAGNOSTIC_LAYER_TECHNIQUES);
+  EXPECT_NE(to_spec(spec, test::room()).error().message.find("mmlt"), std::string::npos);
+  spec = good_spec();
+  spec.add_layers(job::v1::DIAGNOSTIC_LAYER_UNSPECIFIED);
+  EXPECT_NE(to_spec(spec, test::room()).error().message.find("layers"), std::string::npos);
+}
+
 TEST(ToSpec, PathTracingNeedsNoKernel) {
   EXPECT_EQ(error_after([](ResolvedSpec& s) {
               s.set_integrator(job::v1::INTEGRATOR_PATH);
@@ -229,7 +243,11 @@ TEST(ToReport, SurvivesAFilterThatIsTooWide) {
 
 TEST(FillCounts, TakesEveryCount) {
   work_unit::SegmentOutput output;
-  output.counts = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
+  output.counts = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, {}, {}, {13, 14, 15}};
+  output.counts.lengths.proposed[2] = 16;
+  output.counts.lengths.accepted[2] = 17;
+  output.counts.techniques.proposed[work_unit::Shares::kLargest] = 18;
+  output.counts.techniques.accepted[1] = 19;
   output.anomalies.count(diagnostics::AnomalyKind::kNegative);
   farm::v1::SegmentCounts counts;
   fill_counts(output, counts);
@@ -245,6 +263,17 @@ TEST(FillCounts, TakesEveryCount) {
   EXPECT_EQ(counts.second_after_large(), 10U);
   EXPECT_EQ(counts.second_after_large_accepted(), 11U);
   EXPECT_EQ(counts.coordinates(), 12U);
+  EXPECT_EQ(counts.longest_stay(), 13U);
+  EXPECT_EQ(counts.chains_trapped(), 14U);
+  EXPECT_EQ(counts.chains_freed(), 15U);
+  ASSERT_EQ(counts.proposed_by_length_size(), 3);
+  ASSERT_EQ(counts.accepted_by_length_size(), 3);
+  EXPECT_EQ(counts.proposed_by_length(2), 16U);
+  EXPECT_EQ(counts.accepted_by_length(2), 17U);
+  ASSERT_EQ(counts.proposed_by_technique_size(), 33);
+  ASSERT_EQ(counts.accepted_by_technique_size(), 33);
+  EXPECT_EQ(counts.proposed_by_technique(32), 18U);
+  EXPECT_EQ(counts.accepted_by_technique(1), 19U);
   ASSERT_EQ(counts.anomalies_size(), 5);
   EXPECT_EQ(counts.anomalies(farm::v1::ANOMALY_KIND_NEGATIVE), 1U);
 }

@@ -47,6 +47,7 @@ Traced trace_with(scene::SceneDescription description, Make&& make, uint64_t pat
           ++out.bad;
           continue;
         }
+        if (value == 0) continue;  // it may have no place
         const int x = std::min(static_cast<int>(lane_value(s.raster_x, lane)), grid - 1);
         const int y = std::min(static_cast<int>(lane_value(s.raster_y, lane)), grid - 1);
         found[size_t(y) * grid + x] += value;

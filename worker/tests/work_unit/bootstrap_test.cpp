@@ -53,7 +53,7 @@ TEST(StartChains, ReproducesItsSeeds) {
   for (int chain = 0; chain < kGroupSize; ++chain) {
     const PackState& pack = state.value()[chain / kLanes];
     EXPECT_EQ(pack.chains.f[chain % kLanes], seeds.values[chain]);
-    EXPECT_NEAR(luminance(pack.payload[chain % kLanes][0].rgb), seeds.values[chain],
+    EXPECT_NEAR(luminance(pack.payload[chain % kLanes].splats[0].rgb), seeds.values[chain],
                 1e-6 * seeds.values[chain]);
     EXPECT_FALSE(pack.pairs[chain % kLanes].empty());
   }

@@ -25,10 +25,12 @@ GroupState random_state(uint64_t seed) {
       pack.members[lane] = members[(&pack - state.data()) * kLanes + lane];
       pack.chains.f[lane] = uniform(random);
       pack.chains.sums[lane] = {random(), double(uniform(random)), double(uniform(random))};
+      pack.chains.stays[lane] = static_cast<int32_t>(random() >> 33);
+      pack.payload[lane].light_vertices = static_cast<int32_t>(random() % 33);
       for (uint64_t i = 1 + random() % 5; i > 0; --i) {
-        pack.payload[lane].push_back({uniform(random),
-                                      uniform(random),
-                                      {uniform(random), uniform(random), uniform(random)}});
+        pack.payload[lane].splats.push_back({uniform(random),
+                                             uniform(random),
+                                             {uniform(random), uniform(random), uniform(random)}});
       }
       for (uint64_t i = random() % 20; i > 0; --i)
         pack.pairs[lane].push_back({static_cast<int>(random() % primary_space::kSlotCount),
@@ -47,7 +49,10 @@ TEST(GroupState, SurvivesTheRoundTrip) {
     ASSERT_TRUE(parsed.ok());
     EXPECT_EQ(serialize(parsed.value()), bytes);
     EXPECT_EQ(parsed.value()[3].chains.iteration, state[3].chains.iteration);
-    EXPECT_EQ(parsed.value()[7].payload[5].back().rgb[2], state[7].payload[5].back().rgb[2]);
+    EXPECT_EQ(parsed.value()[7].payload[5].splats.back().rgb[2],
+              state[7].payload[5].splats.back().rgb[2]);
+    EXPECT_EQ(parsed.value()[7].payload[5].light_vertices, state[7].payload[5].light_vertices);
+    EXPECT_EQ(parsed.value()[2].chains.stays, state[2].chains.stays);
     ASSERT_EQ(parsed.value()[1].pairs[2].size(), state[1].pairs[2].size());
   }
 }
@@ -91,13 +96,13 @@ TEST(GroupState, StatesThatNoChainHasAreRefused) {
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "f = " << f;
     if (f >= -1) continue;
     bad = good;
-    bad[2].payload[3][0].x = f;
+    bad[2].payload[3].splats[0].x = f;
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "x = " << f;
   }
   for (float v :
        {-1.F, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     GroupState bad = good;
-    bad[2].payload[3].back().rgb[1] = v;
+    bad[2].payload[3].splats.back().rgb[1] = v;
     EXPECT_FALSE(parse_group_state(serialize(bad)).ok()) << "radiance " << v;
   }
 }
@@ -151,6 +156,15 @@ TEST(Deal, SortsChainsByTheirSubpaths) {
   const auto sums = large_step_sums(state);
   for (int member = 0; member < kGroupSize; ++member)
     EXPECT_EQ(sums[member].sum, before[member].second);
+}
+
+TEST(GroupState, NegativeCountsAreRefused) {
+  GroupState bad = random_state(6);
+  bad[1].chains.stays[2] = -1;
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
+  bad = random_state(6);
+  bad[1].payload[2].light_vertices = -1;
+  EXPECT_FALSE(parse_group_state(serialize(bad)).ok());
 }
 
 TEST(GroupState, SlotsBeyondTheSpaceAreRefused) {

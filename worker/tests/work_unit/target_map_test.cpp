@@ -70,7 +70,7 @@ TEST(TargetMap, DividesTheTarget) {
           metrofarm::test::lanes_of(by_map.evaluate(source, metropolis::Which::kProposal, all));
       for (int lane = 0; lane < kLanes; ++lane) {
         double wanted = 0;
-        for (const RenderTarget::LaneSplat& s : by_map.proposal(lane)) {
+        for (const RenderTarget::LaneSplat& s : by_map.proposal(lane).splats) {
           const Spectrum rgb{Float(s.rgb[0]), Float(s.rgb[1]), Float(s.rgb[2])};
           wanted += double(lane_value(luminance(rgb), 0)) * factor_at(map, s.x, s.y);
         }

@@ -114,6 +114,17 @@ func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *farmv1
 	return result
 }
 
+// trap pretends that chains of group 3 are trapped.
+func trap(result *farmv1.SegmentResult, number uint32) {
+	switch {
+	case result.GetSegment() != 3:
+	case number == 0:
+		result.Counts.LongestStay, result.Counts.ChainsTrapped = 4000, 2
+	case number == 1:
+		result.Counts.LongestStay, result.Counts.ChainsFreed = 4500, 1
+	}
+}
+
 // renderPaths pretends to trace the samples of one segment.
 func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, number, segment uint32) *farmv1.SegmentResult {
 	perSegment := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())

@@ -40,6 +40,9 @@ type Worker struct {
 	OneBounce bool
 	// Sparks leaves nearly all light to very few bootstrap values.
 	Sparks bool
+	// Trapped chains: two in round 0 that have not moved for 4000 mutations, one of which moves in
+	// round 1.
+	Trapped bool
 	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
 	Lie int64
 	// Delay before each batch is delivered.
@@ -276,6 +279,9 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 					len(spec.GetLengthProbabilities()), spec.GetMaxDepth())
 			}
 			result = c.renderChains(spec, number, g)
+			if w.Trapped {
+				trap(result, number)
+			}
 		} else {
 			result = c.renderPaths(spec, plan.Cells(spec, w.Report), number, t.GetPaths().GetFirstSegment())
 		}

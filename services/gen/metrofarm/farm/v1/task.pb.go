@@ -809,7 +809,9 @@ type SegmentCounts struct {
 	// Coordinates that proposals of either stage asked for: what laziness leaves of the path space's
 	// dimension (chains only).
 	Coordinates uint64 `protobuf:"varint,13,opt,name=coordinates,proto3" json:"coordinates,omitempty"`
-	// First-stage proposals by path length in edges (index 0 unused), at most 33 (INTEGRATOR_MMLT).
+	// First-stage proposals by path length, at most 33 values, 32 edges and more in the last (chains):
+	// the edges of the path (INTEGRATOR_MMLT; index 0 unused), or those that the sample's eye path
+	// followed, whichever of them carry light (INTEGRATOR_PSSMLT).
 	ProposedByLength []uint64 `protobuf:"varint,14,rep,packed,name=proposed_by_length,json=proposedByLength,proto3" json:"proposed_by_length,omitempty"`
 	// Those of them that were accepted, likewise.
 	AcceptedByLength []uint64 `protobuf:"varint,15,rep,packed,name=accepted_by_length,json=acceptedByLength,proto3" json:"accepted_by_length,omitempty"`
@@ -817,8 +819,21 @@ type SegmentCounts struct {
 	SubpathSteps uint64 `protobuf:"varint,16,opt,name=subpath_steps,json=subpathSteps,proto3" json:"subpath_steps,omitempty"`
 	// Those of them that were accepted.
 	SubpathAccepted uint64 `protobuf:"varint,17,opt,name=subpath_accepted,json=subpathAccepted,proto3" json:"subpath_accepted,omitempty"`
-	unknownFields   protoimpl.UnknownFields
-	sizeCache       protoimpl.SizeCache
+	// First-stage proposals by technique, which is the number of vertices of the light subpath, at most
+	// 33 values, 32 vertices and more in the last (INTEGRATOR_MMLT).
+	ProposedByTechnique []uint64 `protobuf:"varint,30,rep,packed,name=proposed_by_technique,json=proposedByTechnique,proto3" json:"proposed_by_technique,omitempty"`
+	// Those of them that were accepted, likewise.
+	AcceptedByTechnique []uint64 `protobuf:"varint,31,rep,packed,name=accepted_by_technique,json=acceptedByTechnique,proto3" json:"accepted_by_technique,omitempty"`
+	// Most mutations that a chain of the group has not moved for, counted from before the segment
+	// where a stay began there (chains). Of several segments the largest counts.
+	LongestStay uint64 `protobuf:"varint,32,opt,name=longest_stay,json=longestStay,proto3" json:"longest_stay,omitempty"`
+	// Stays that reached 2000 mutations in this segment: their chains are trapped (chains).
+	ChainsTrapped uint64 `protobuf:"varint,33,opt,name=chains_trapped,json=chainsTrapped,proto3" json:"chains_trapped,omitempty"`
+	// Stays of 2000 mutations and more that ended in this segment; chains_trapped less chains_freed of
+	// all segments is the number of chains that are trapped now (chains).
+	ChainsFreed   uint64 `protobuf:"varint,34,opt,name=chains_freed,json=chainsFreed,proto3" json:"chains_freed,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
 func (x *SegmentCounts) Reset() {
@@ -966,6 +981,41 @@ func (x *SegmentCounts) GetSubpathSteps() uint64 {
 func (x *SegmentCounts) GetSubpathAccepted() uint64 {
 	if x != nil {
 		return x.SubpathAccepted
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetProposedByTechnique() []uint64 {
+	if x != nil {
+		return x.ProposedByTechnique
+	}
+	return nil
+}
+
+func (x *SegmentCounts) GetAcceptedByTechnique() []uint64 {
+	if x != nil {
+		return x.AcceptedByTechnique
+	}
+	return nil
+}
+
+func (x *SegmentCounts) GetLongestStay() uint64 {
+	if x != nil {
+		return x.LongestStay
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetChainsTrapped() uint64 {
+	if x != nil {
+		return x.ChainsTrapped
+	}
+	return 0
+}
+
+func (x *SegmentCounts) GetChainsFreed() uint64 {
+	if x != nil {
+		return x.ChainsFreed
 	}
 	return 0
 }
@@ -1129,7 +1179,8 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 //
 // The film has full-resolution planes and low-resolution planes. With L layers (chains: layer 0 is
 // weighted by the chains, layer 1 holds the large steps, and with direct light apart layer 2 holds
-// that, in units of 4096 ResolvedSpec.unit; PATH and BDPT: one layer), full plane h * L + l is
+// that, in units of 4096 ResolvedSpec.unit; then those of ResolvedSpec.layers; PATH and BDPT: one
+// layer), full plane h * L + l is
 // half h, layer l; low plane g * L + l is statistics group g (0..15), layer l, over cells of
 // ceil(width / 16) x ceil(height / 16) pixels, 16 x 16 cells: each splat counts once, in the cell that
 // its raster position falls into, without the filter; splats outside the image do not count. Each plane has 3 channels (R, G, B)
@@ -1372,7 +1423,7 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x04kind\x18\x01 \x01(\x0e2\x1e.metrofarm.farm.v1.AnomalyKindR\x04kind\x12\x14\n" +
 	"\x05place\x18\x02 \x01(\tR\x05place\x12\x14\n" +
 	"\x05depth\x18\x03 \x01(\rR\x05depth\x12%\n" +
-	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\xa3\x05\n" +
+	"\x0eprimary_sample\x18\x04 \x03(\aR\rprimarySample\"\xf8\x06\n" +
 	"\rSegmentCounts\x12\x1c\n" +
 	"\tmutations\x18\x01 \x01(\x04R\tmutations\x12)\n" +
 	"\x10path_evaluations\x18\x02 \x01(\x04R\x0fpathEvaluations\x12\x12\n" +
@@ -1393,7 +1444,12 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x12proposed_by_length\x18\x0e \x03(\x04R\x10proposedByLength\x12,\n" +
 	"\x12accepted_by_length\x18\x0f \x03(\x04R\x10acceptedByLength\x12#\n" +
 	"\rsubpath_steps\x18\x10 \x01(\x04R\fsubpathSteps\x12)\n" +
-	"\x10subpath_accepted\x18\x11 \x01(\x04R\x0fsubpathAccepted\"X\n" +
+	"\x10subpath_accepted\x18\x11 \x01(\x04R\x0fsubpathAccepted\x122\n" +
+	"\x15proposed_by_technique\x18\x1e \x03(\x04R\x13proposedByTechnique\x122\n" +
+	"\x15accepted_by_technique\x18\x1f \x03(\x04R\x13acceptedByTechnique\x12!\n" +
+	"\flongest_stay\x18  \x01(\x04R\vlongestStay\x12%\n" +
+	"\x0echains_trapped\x18! \x01(\x04R\rchainsTrapped\x12!\n" +
+	"\fchains_freed\x18\" \x01(\x04R\vchainsFreed\"X\n" +
 	"\rLargeStepSums\x12\x14\n" +
 	"\x05count\x18\x01 \x01(\x04R\x05count\x12\x10\n" +
 	"\x03sum\x18\x02 \x01(\x01R\x03sum\x12\x1f\n" +

@@ -535,6 +535,62 @@ func (TechniqueCoordinate) EnumDescriptor() ([]byte, []int) {
 	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{8}
 }
 
+// What a film may hold beside the image.
+type DiagnosticLayer int32
+
+const (
+	// Not set; refused.
+	DiagnosticLayer_DIAGNOSTIC_LAYER_UNSPECIFIED DiagnosticLayer = 0
+	// One layer: each first-stage proposal adds, without the filter, to the pixel that holds its
+	// brightest splat (of a proposal without light the eye path's place, if there is one): R 1, G its
+	// acceptance probability, B 1 if it is a large step.
+	DiagnosticLayer_DIAGNOSTIC_LAYER_ACCEPTANCE DiagnosticLayer = 1
+	// Ten layers: what goes to layers 0 and 1 of the film goes to layers 2 s and 2 s + 1 of these, too,
+	// with s the number of vertices of the path's light subpath, at most 4.
+	DiagnosticLayer_DIAGNOSTIC_LAYER_TECHNIQUES DiagnosticLayer = 2
+)
+
+// Enum value maps for DiagnosticLayer.
+var (
+	DiagnosticLayer_name = map[int32]string{
+		0: "DIAGNOSTIC_LAYER_UNSPECIFIED",
+		1: "DIAGNOSTIC_LAYER_ACCEPTANCE",
+		2: "DIAGNOSTIC_LAYER_TECHNIQUES",
+	}
+	DiagnosticLayer_value = map[string]int32{
+		"DIAGNOSTIC_LAYER_UNSPECIFIED": 0,
+		"DIAGNOSTIC_LAYER_ACCEPTANCE":  1,
+		"DIAGNOSTIC_LAYER_TECHNIQUES":  2,
+	}
+)
+
+func (x DiagnosticLayer) Enum() *DiagnosticLayer {
+	p := new(DiagnosticLayer)
+	*p = x
+	return p
+}
+
+func (x DiagnosticLayer) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (DiagnosticLayer) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[9].Descriptor()
+}
+
+func (DiagnosticLayer) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[9]
+}
+
+func (x DiagnosticLayer) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use DiagnosticLayer.Descriptor instead.
+func (DiagnosticLayer) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{9}
+}
+
 // Mutation of primary samples on the unit torus.
 type Kernel struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -825,7 +881,10 @@ type ResolvedSpec struct {
 	// Equalized target (chains); absent: f is the luminance of what a sample brings back.
 	TargetMap *TargetMap `protobuf:"bytes,23,opt,name=target_map,json=targetMap,proto3" json:"target_map,omitempty"`
 	// Why the kernel has its size; absent where it was not tuned. No part of what decides the image.
-	KernelTuning  *KernelTuning `protobuf:"bytes,24,opt,name=kernel_tuning,json=kernelTuning,proto3" json:"kernel_tuning,omitempty"`
+	KernelTuning *KernelTuning `protobuf:"bytes,24,opt,name=kernel_tuning,json=kernelTuning,proto3" json:"kernel_tuning,omitempty"`
+	// Layers of the film beside the image (chains), each at most once; they follow the others in the
+	// order of their numbers. DIAGNOSTIC_LAYER_TECHNIQUES only for INTEGRATOR_MMLT.
+	Layers        []DiagnosticLayer `protobuf:"varint,30,rep,packed,name=layers,proto3,enum=metrofarm.job.v1.DiagnosticLayer" json:"layers,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1024,6 +1083,13 @@ func (x *ResolvedSpec) GetTargetMap() *TargetMap {
 func (x *ResolvedSpec) GetKernelTuning() *KernelTuning {
 	if x != nil {
 		return x.KernelTuning
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetLayers() []DiagnosticLayer {
+	if x != nil {
+		return x.Layers
 	}
 	return nil
 }
@@ -1255,7 +1321,7 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x0facceptance_rule\x18\x05 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
 	"\x11after_large_steps\x18\x06 \x01(\bR\x0fafterLargeSteps\x12\x1f\n" +
 	"\vlocal_scale\x18\a \x01(\x01R\n" +
-	"localScale\"\xf4\b\n" +
+	"localScale\"\xaf\t\n" +
 	"\fResolvedSpec\x12<\n" +
 	"\n" +
 	"integrator\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.IntegratorR\n" +
@@ -1286,7 +1352,8 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\fdirect_sizes\x18\x16 \x03(\x04R\vdirectSizes\x12:\n" +
 	"\n" +
 	"target_map\x18\x17 \x01(\v2\x1b.metrofarm.job.v1.TargetMapR\ttargetMap\x12C\n" +
-	"\rkernel_tuning\x18\x18 \x01(\v2\x1e.metrofarm.job.v1.KernelTuningR\fkernelTuning\"7\n" +
+	"\rkernel_tuning\x18\x18 \x01(\v2\x1e.metrofarm.job.v1.KernelTuningR\fkernelTuning\x129\n" +
+	"\x06layers\x18\x1e \x03(\x0e2!.metrofarm.job.v1.DiagnosticLayerR\x06layers\"7\n" +
 	"\tTargetMap\x12\x12\n" +
 	"\x04side\x18\x01 \x01(\rR\x04side\x12\x16\n" +
 	"\x06values\x18\x02 \x03(\x02R\x06values\"b\n" +
@@ -1348,7 +1415,11 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x13TechniqueCoordinate\x12$\n" +
 	" TECHNIQUE_COORDINATE_UNSPECIFIED\x10\x00\x12\x1f\n" +
 	"\x1bTECHNIQUE_COORDINATE_FROZEN\x10\x01\x12 \n" +
-	"\x1cTECHNIQUE_COORDINATE_MUTATED\x10\x02B/Z-metrofarm/services/gen/metrofarm/job/v1;jobv1b\x06proto3"
+	"\x1cTECHNIQUE_COORDINATE_MUTATED\x10\x02*u\n" +
+	"\x0fDiagnosticLayer\x12 \n" +
+	"\x1cDIAGNOSTIC_LAYER_UNSPECIFIED\x10\x00\x12\x1f\n" +
+	"\x1bDIAGNOSTIC_LAYER_ACCEPTANCE\x10\x01\x12\x1f\n" +
+	"\x1bDIAGNOSTIC_LAYER_TECHNIQUES\x10\x02B/Z-metrofarm/services/gen/metrofarm/job/v1;jobv1b\x06proto3"
 
 var (
 	file_metrofarm_job_v1_spec_proto_rawDescOnce sync.Once
@@ -1362,7 +1433,7 @@ func file_metrofarm_job_v1_spec_proto_rawDescGZIP() []byte {
 	return file_metrofarm_job_v1_spec_proto_rawDescData
 }
 
-var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 9)
+var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 10)
 var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
 var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(Integrator)(0),          // 0: metrofarm.job.v1.Integrator
@@ -1374,12 +1445,13 @@ var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(AcceptanceRule)(0),      // 6: metrofarm.job.v1.AcceptanceRule
 	(LayerWeights)(0),        // 7: metrofarm.job.v1.LayerWeights
 	(TechniqueCoordinate)(0), // 8: metrofarm.job.v1.TechniqueCoordinate
-	(*Kernel)(nil),           // 9: metrofarm.job.v1.Kernel
-	(*DelayedRejection)(nil), // 10: metrofarm.job.v1.DelayedRejection
-	(*ResolvedSpec)(nil),     // 11: metrofarm.job.v1.ResolvedSpec
-	(*TargetMap)(nil),        // 12: metrofarm.job.v1.TargetMap
-	(*KernelTuning)(nil),     // 13: metrofarm.job.v1.KernelTuning
-	(*AutoDecision)(nil),     // 14: metrofarm.job.v1.AutoDecision
+	(DiagnosticLayer)(0),     // 9: metrofarm.job.v1.DiagnosticLayer
+	(*Kernel)(nil),           // 10: metrofarm.job.v1.Kernel
+	(*DelayedRejection)(nil), // 11: metrofarm.job.v1.DelayedRejection
+	(*ResolvedSpec)(nil),     // 12: metrofarm.job.v1.ResolvedSpec
+	(*TargetMap)(nil),        // 13: metrofarm.job.v1.TargetMap
+	(*KernelTuning)(nil),     // 14: metrofarm.job.v1.KernelTuning
+	(*AutoDecision)(nil),     // 15: metrofarm.job.v1.AutoDecision
 }
 var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	3,  // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
@@ -1388,19 +1460,20 @@ var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	6,  // 3: metrofarm.job.v1.DelayedRejection.acceptance_rule:type_name -> metrofarm.job.v1.AcceptanceRule
 	0,  // 4: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
 	2,  // 5: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
-	9,  // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
+	10, // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
 	1,  // 7: metrofarm.job.v1.ResolvedSpec.under:type_name -> metrofarm.job.v1.Under
-	10, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
+	11, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
 	7,  // 9: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
 	8,  // 10: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
-	14, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
-	12, // 12: metrofarm.job.v1.ResolvedSpec.target_map:type_name -> metrofarm.job.v1.TargetMap
-	13, // 13: metrofarm.job.v1.ResolvedSpec.kernel_tuning:type_name -> metrofarm.job.v1.KernelTuning
-	14, // [14:14] is the sub-list for method output_type
-	14, // [14:14] is the sub-list for method input_type
-	14, // [14:14] is the sub-list for extension type_name
-	14, // [14:14] is the sub-list for extension extendee
-	0,  // [0:14] is the sub-list for field type_name
+	15, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
+	13, // 12: metrofarm.job.v1.ResolvedSpec.target_map:type_name -> metrofarm.job.v1.TargetMap
+	14, // 13: metrofarm.job.v1.ResolvedSpec.kernel_tuning:type_name -> metrofarm.job.v1.KernelTuning
+	9,  // 14: metrofarm.job.v1.ResolvedSpec.layers:type_name -> metrofarm.job.v1.DiagnosticLayer
+	15, // [15:15] is the sub-list for method output_type
+	15, // [15:15] is the sub-list for method input_type
+	15, // [15:15] is the sub-list for extension type_name
+	15, // [15:15] is the sub-list for extension extendee
+	0,  // [0:15] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_job_v1_spec_proto_init() }
@@ -1413,7 +1486,7 @@ func file_metrofarm_job_v1_spec_proto_init() {
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_job_v1_spec_proto_rawDesc), len(file_metrofarm_job_v1_spec_proto_rawDesc)),
-			NumEnums:      9,
+			NumEnums:      10,
 			NumMessages:   6,
 			NumExtensions: 0,
 			NumServices:   0,
