@@ -243,7 +243,7 @@ TEST(ToReport, SurvivesAFilterThatIsTooWide) {
 
 TEST(FillCounts, TakesEveryCount) {
   work_unit::SegmentOutput output;
-  output.counts = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, {}, {}, {13, 14, 15}};
+  output.counts = {1, 2, 3, 4, 5, 6, 7, 20, 21, 8, 9, 10, 11, 12, {}, {}, {13, 14, 15}};
   output.counts.lengths.proposed[2] = 16;
   output.counts.lengths.accepted[2] = 17;
   output.counts.techniques.proposed[work_unit::Shares::kLargest] = 18;
@@ -258,6 +258,8 @@ TEST(FillCounts, TakesEveryCount) {
   EXPECT_EQ(counts.large_accepted(), 5U);
   EXPECT_EQ(counts.small_steps(), 6U);
   EXPECT_EQ(counts.small_accepted(), 7U);
+  EXPECT_EQ(counts.subpath_steps(), 20U);
+  EXPECT_EQ(counts.subpath_accepted(), 21U);
   EXPECT_EQ(counts.second_stages(), 8U);
   EXPECT_EQ(counts.second_accepted(), 9U);
   EXPECT_EQ(counts.second_after_large(), 10U);

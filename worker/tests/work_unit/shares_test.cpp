@@ -58,7 +58,8 @@ TEST(Shares, OnlyFirstStagesCount) {
 }
 
 testing::AssertionResult fits(const Shares& shares, std::span<const double> expected) {
-  const std::vector<double> observed(shares.proposed.begin(), shares.proposed.end());
+  std::vector<double> observed(shares.proposed.begin(), shares.proposed.end());
+  for (double& count : observed) count /= kLanes;
   for (size_t i = expected.size(); i < observed.size(); ++i)
     if (observed[i] > 0) return testing::AssertionFailure() << "something at " << i;
   const auto test =
@@ -68,16 +69,16 @@ testing::AssertionResult fits(const Shares& shares, std::span<const double> expe
 }
 
 // Large steps draw lengths with the probabilities of the spec and techniques evenly: chi-square
-// tests of 64 * 400 independent proposals, whose false-alarm rate is 1e-6 each.
+// tests, whose false-alarm rate is 1e-6 each, of 8 * 1600 independent draws: one for each pack.
 TEST(Shares, MultiplexedChainsCountLengthAndTechnique) {
   const test::Job job(Integrator::kMmlt);
   Spec spec = test::Job::spec_of(Integrator::kMmlt);
   spec.length_probabilities = {0.05, 0.25, 0.2, 0.1, 0.15, 0.1, 0.1, 0.05};
   spec.kernel.large_step_probability = 1;
-  const Counts counts = run(job, spec, 400);
+  const Counts counts = run(job, spec, 1600);
   expect_all_counted(counts, counts.lengths);
   expect_all_counted(counts, counts.techniques);
-  const auto n = static_cast<double>(counts.mutations);
+  const double n = static_cast<double>(counts.mutations) / kLanes;
   std::array<double, 9> lengths{}, techniques{};
   for (size_t i = 0; i < spec.length_probabilities.size(); ++i) {
     const auto edges = static_cast<int>(i) + 1;
