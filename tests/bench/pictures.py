@@ -58,20 +58,19 @@ def sequence_plot(panels: Mapping[str, Mapping[str, Points]], out: Path) -> None
     """Medians with the smallest and largest, and a line that falls as the inverse root."""
     figure, all_axes = pyplot.subplots(1, len(panels), figsize=(5 * len(panels), 4.2))
     for axes, (measure, by_name) in zip(all_axes, panels.items(), strict=True):
-        counts = [count for count, _ in next(iter(by_name.values()))]
         for name, points in by_name.items():
+            counts = [count for count, _ in points]
             middle = [statistics.median(errors) for _, errors in points]
             below = [m - min(errors) for m, (_, errors) in zip(middle, points, strict=True)]
             above = [max(errors) - m for m, (_, errors) in zip(middle, points, strict=True)]
             axes.errorbar(counts, middle, (below, above), marker="o", markersize=3, label=name)
-        ends = np.array([counts[0], counts[-1]])
+        first = next(iter(by_name.values()))
+        ends = np.array([first[0][0], first[-1][0]])
         level = max(statistics.median(points[0][1]) for points in by_name.values())
         axes.plot(ends, 1.6 * level * np.sqrt(ends[0] / ends), "k--", label="slope -1/2")
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_xticks(counts, [f"{count:.0f}" for count in counts])
-        axes.set_xticks([], minor=True)
-        axes.set_xlabel("mutations per pixel")
+        axes.set_xlabel("path evaluations per pixel")
         axes.set_ylabel(measure)
         axes.grid(True, which="both", alpha=0.25)
         axes.legend(fontsize=7)

@@ -65,7 +65,7 @@ class Extent:
     laziness_per_pixel: int
 
 
-FULL = Extent(96, 72, 4096, 5, (256, 1024, 2048, 5000), 5, 16)
+FULL = Extent(96, 72, 4096, 5, (256, 1024, 2048, 5000), 8, 16)
 QUICK = Extent(48, 36, 1024, 2, (64, 128, 256, 512), 2, 8)
 
 # Name of a measure and the figure of a run that is its square.
@@ -133,7 +133,7 @@ def draw_sequences(sequences: sequence.Sequences, out: Path) -> None:
     for chains, levels in sequences.runs.items():
         for measure, figure in MEASURES.items():
             panels[measure][chains.name] = [
-                (runs[0].mutations, [getattr(run, figure) ** 0.5 for run in runs])
+                (runs[0].evaluations, [getattr(run, figure) ** 0.5 for run in runs])
                 for runs in levels
             ]
     sequence_plot(panels, out / "report-convergence.png")
@@ -187,7 +187,9 @@ render with a seed of its own.
 
 {sequence_table(sequences)}
 
-Slopes of log error over log mutations. The floor is F of squared error = a / n + F. The gain is the
+Slopes of log error over log n, where n counts all path evaluations: the bootstrap's too, which find
+the seeds. The error is the root of the mean squared error of the {seeds} images. The floor is F of
+squared error = a / n + F. The gain is the
 squared error of one image over that of the mean of all {seeds} at the last count:
 {seeds} if it is noise, 1 if it is bias. ± is half a 99 % interval; the floor's holds the
 uncertainty of what is subtracted for the reference. Elsewhere: without the brightest hundredth of

@@ -120,9 +120,8 @@ def bright_findings(shares: list[float]) -> str:
         f"The brightest hundredth of the pixels carries {min(shares):.0%} to {max(shares):.0%} of "
         "the squared error of an image at the last count. So few pixels decide the RMSE, which "
         "scatters widely; relMSE weighs pixels alike. An image whose chains have hardly met the "
-        "smallest light lacks a bounded amount, and where few chains meet it squared errors are "
-        "skewed, so that most seeds lie below their mean: both make a slope shallower than -1/2 "
-        "at few mutations without any floor. Only more seeds, or more pixels, can tell."
+        "smallest light lacks a bounded amount: that makes a slope shallower than -1/2 at few "
+        "mutations without any floor. The gain, which compares no two counts, is free of it."
     )
 
 

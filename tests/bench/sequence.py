@@ -25,7 +25,8 @@ class Sequences:
 
 @dataclass(frozen=True)
 class Fit:
-    """How one measure of the squared error falls. floor_share: relative to the last squared error.
+    """How one measure of the squared error falls with the path evaluations, the bootstrap's, which
+    place the seeds, among them. floor_share: relative to the last squared error.
     gain: see convergence.gain_of_mean()."""
 
     slope: Estimate
@@ -91,9 +92,9 @@ def bright_shares(experiment: Experiment, sequences: Sequences) -> list[float]:
 def fit_one(
     levels: list[list[Run]], errors: list[list[float]], of_mean: float, uncertainty: float
 ) -> Fit:
-    counts = [run.mutations for runs in levels for run in runs]
     flat = [error for of_level in errors for error in of_level]
     last = float(np.mean(errors[-1]))
-    left = floor(counts, flat, uncertainty)
+    left = floor([run.evaluations for runs in levels for run in runs], flat, uncertainty)
     share = estimate(left.value / last, left.standard_error / last, len(flat) - 2)
-    return Fit(slope(counts, flat), share, gain_of_mean(errors[-1], of_mean, uncertainty))
+    falling = slope([runs[0].evaluations for runs in levels], errors)
+    return Fit(falling, share, gain_of_mean(errors[-1], of_mean, uncertainty))
