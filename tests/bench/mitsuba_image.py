@@ -28,6 +28,7 @@ def main() -> None:
     variant, path, out = sys.argv[1], sys.argv[2], sys.argv[7]
     spp, width, height, seed = map(int, sys.argv[3:7])
     mitsuba.set_variant(variant)
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)  # warnings go to standard output
     drjit.set_thread_count(THREADS)
     scene = mitsuba.load_file(path)
     film = mitsuba.traverse(scene.sensors()[0])
