@@ -1,9 +1,12 @@
 """Every estimator, kernel, second stage and weight against path tracing, on scenes of each kind.
 
-H0: both have the same mean in every tile. Statistic, sample size and false-alarm rate as in
-test_agreement.py: 16 replicas each, tile t-tests with Sidak's correction, 1e-3 per test. The power
-is asserted as there. A clean scene reports no anomaly, and b of all chains agrees with that of the
-chains over path tracing within the intervals that both state.
+H0: both have the same mean in every tile. Statistic as in test_agreement.py: 16 replicas each, tile
+t-tests with Sidak's correction, 1e-3 per test. Hundreds of pairs at that rate give a false alarm in
+one run of three, and more where rare bright samples skew the tile means; so a pair that seems to
+differ is decided by a second sample of 48 other replicas, again at 1e-3: 1e-6 per pair, while a
+bias that the first sample could see cannot hide from one three times as large. The power of the
+first is asserted as in test_agreement.py. A clean scene reports no anomaly, and b of all chains
+agrees with that of the chains over path tracing within the intervals that both state.
 """
 
 import json
@@ -19,8 +22,8 @@ import pytest
 from test_agreement import check
 
 from cases import SCENES
-from replicas import PROGRAM, Settings
-from tiles import compare, from_replicas
+from replicas import PROGRAM, SEEDS, Settings, render_all
+from tiles import Verdict, compare, from_replicas
 
 Replicas = Callable[[Settings], list[np.ndarray]]
 
@@ -97,6 +100,7 @@ class VariantScene:
 
 DEPTH = 8
 SIZE = 32
+SECOND_SEEDS = range(SEEDS.stop, SEEDS.stop + 3 * len(SEEDS))
 
 VARIANT_SCENES = [
     VariantScene("cornell-box", "cornell-box/scene.xml", 128, 256, 0.20, short=True),
@@ -142,12 +146,21 @@ def settings(scene: VariantScene, variant: Variant) -> Settings:
     )
 
 
+def verdict_on(pair: tuple[Settings, Settings], replicas_of: Replicas) -> Verdict:
+    ours, paths = (from_replicas(replicas_of(one)) for one in pair)
+    return compare(ours, paths)
+
+
 def test_agrees_with_path_tracing(
     scene: VariantScene, variant: Variant, replicas_of: Replicas
 ) -> None:
-    ours = from_replicas(replicas_of(settings(scene, variant)))
-    paths = from_replicas(replicas_of(settings(scene, PATHS)))
-    check(compare(ours, paths), scene.power)
+    pair = settings(scene, variant), settings(scene, PATHS)
+    verdict = verdict_on(pair, replicas_of)
+    if verdict.agrees:
+        check(verdict, scene.power)
+    else:
+        print(verdict.describe(), "- deciding by other replicas")
+        check(verdict_on(pair, lambda one: render_all(one, SECOND_SEEDS)), scene.power)
 
 
 def statistics_of(arguments: Settings) -> dict:
