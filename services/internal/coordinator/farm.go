@@ -200,7 +200,7 @@ func (r *run) fillWork(t *farmv1.Task, key taskKey) {
 		t.Work = &farmv1.Task_KernelTrials{KernelTrials: r.trialsTask()}
 	case key.phase == job.Bootstrapping:
 		t.Work = &farmv1.Task_Bootstrap{Bootstrap: &farmv1.BootstrapTask{
-			FirstIndex: key.first.First, Count: key.first.Count, WantsMap: r.stage == stageMap,
+			FirstIndex: key.first.First, Count: key.first.Count, WantsMap: r.mapping(),
 		}}
 	case r.state.Chains():
 		t.Work = &farmv1.Task_Chains{Chains: &farmv1.ChainSegmentsTask{

@@ -99,7 +99,7 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 	if err := r.samples.Set(part.First, result.GetValues()); err != nil {
 		return &malformedError{err.Error()}
 	}
-	if r.stage == stageMap {
+	if r.mapping() {
 		if err := r.samples.SetMap(part.First, result.GetMap(), plan.MapSide*plan.MapSide); err != nil {
 			return &malformedError{err.Error()}
 		}

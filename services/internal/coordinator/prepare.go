@@ -22,15 +22,15 @@ import (
 type stage int
 
 const (
-	stagePilot     stage = iota // the scene's light, by which the integrator is chosen
-	stageSeen                   // the part of it that is seen directly
+	stageLight     stage = iota // where the scene's light lands
+	stagePilot                  // how samples scatter about that, by which the integrator is chosen
 	stageMap                    // where light lands, for the equalized target
 	stageBootstrap              // b and the seeds
 	stageTrials                 // how small steps of several sizes fare
 )
 
 // stageNames in task names.
-var stageNames = [...]string{"pilot-", "seen-", "map-", "b", "trials"}
+var stageNames = [...]string{"light-", "pilot-", "map-", "b", "trials"}
 
 // piloting tells whether the integrator is still to be chosen. Requires: mu.
 func (r *run) piloting() bool { return r.spec != nil && r.state == nil && r.stage < stageMap }
@@ -38,28 +38,34 @@ func (r *run) piloting() bool { return r.spec != nil && r.state == nil && r.stag
 // plan resolves the spec, or says how to find out what to resolve. Requires: mu.
 func (r *run) plan(report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, error) {
 	if plan.NeedsPilot(r.rec.Request, report) {
-		r.stage = stagePilot
+		r.stage = stageLight
 		spec, err := plan.Pilot(r.rec.Request, report)
 		return spec, nil, err
 	}
 	spec, warnings, err := plan.Resolve(r.rec.Request, report)
 	if err == nil {
-		r.enterResolved(spec)
+		r.enterResolved(spec, r.rec.Request)
 	}
 	return spec, warnings, err
 }
 
-// enterResolved sets the stage in which a job goes on once its spec is resolved. Requires: mu.
-func (r *run) enterResolved(spec *jobv1.ResolvedSpec) {
+// enterResolved sets the stage in which a job goes on once its spec is resolved from a request.
+// Requires: mu.
+func (r *run) enterResolved(spec *jobv1.ResolvedSpec, request job.Request) {
 	r.stage = stageBootstrap
-	if plan.NeedsMap(spec, r.rec.Request) {
+	if plan.NeedsMap(spec, request) {
 		r.stage = stageMap
 	}
 }
 
+// mapping tells whether the samples of the stage under way tell where light lands. Requires: mu.
+func (r *run) mapping() bool {
+	return r.rec.State == job.Bootstrapping && (r.stage == stageLight || r.stage == stageMap)
+}
+
 // stageSpec is what the tasks of the stage under way are done under. Requires: mu.
 func (r *run) stageSpec() *jobv1.ResolvedSpec {
-	if r.rec.State == job.Bootstrapping && r.stage == stageMap {
+	if r.mapping() {
 		return plan.MapPilot(r.spec)
 	}
 	return r.spec
@@ -79,47 +85,46 @@ func (r *run) startSampling() {
 // nextStage goes on when all samples of a stage are in. Requires: mu.
 func (r *run) nextStage() {
 	switch r.stage {
+	case stageLight:
+		r.target()
+		r.stage = stagePilot
+		r.startSampling()
 	case stagePilot:
-		r.pilot = r.samples.Values()
-		if spec, needed := plan.Seen(r.spec); needed {
-			r.spec, r.stage = spec, stageSeen
-			r.startSampling()
-			return
-		}
-		r.decide()
-	case stageSeen:
 		r.decide()
 	case stageMap:
-		spec := proto.CloneOf(r.spec)
-		plan.SetTarget(spec, r.samples.Map())
-		if spec.GetTargetMap() == nil {
+		r.target()
+		if r.spec.GetTargetMap() == nil {
 			r.warn("no sample of the map carries light: the target is luminance")
 		}
-		r.spec, r.stage = spec, stageBootstrap
+		r.stage = stageBootstrap
 		r.startSampling()
 	default:
 		r.finishBootstrap()
 	}
 }
 
-// decide chooses the integrator from the pilot's samples and goes on. Requires: mu; all samples are
-// in.
+// target sets the target from where the samples landed. Requires: mu; all samples are in.
+func (r *run) target() {
+	r.spec = proto.CloneOf(r.spec)
+	plan.SetTarget(r.spec, r.samples.Map())
+}
+
+// decide chooses what the request leaves open from the pilot's samples and goes on. Requires: mu;
+// all samples are in.
 func (r *run) decide() {
-	request := r.rec.Request
-	name, decision := plan.Decide(r.pilot, r.samples.Values(), r.report)
-	request.Integrator = name
+	request, decision := plan.Decide(r.rec.Request, r.spec, r.samples.Values(), r.report)
 	spec, warnings, err := plan.Resolve(request, r.report)
 	if err != nil {
 		r.fail(err.Error())
 		return
 	}
 	spec.WorkerVersion, spec.AutoDecision = r.spec.GetWorkerVersion(), decision
-	r.spec, r.pilot = spec, nil
-	r.enterResolved(spec)
+	r.spec = spec
+	r.enterResolved(spec, request)
 	for _, text := range warnings {
 		r.warn(text)
 	}
-	r.publish("state", fmt.Sprintf("integrator %s: %s", name, decision.GetReason()), nil)
+	r.publish("state", fmt.Sprintf("integrator %s: %s", request.Integrator, decision.GetReason()), nil)
 	r.startSampling()
 	r.save()
 }

@@ -40,7 +40,6 @@ type run struct {
 	// While bootstrapping.
 	stage   stage
 	samples *bootstrap.Samples
-	pilot   []float32 // values of the pilot's first pass, while the second runs
 	boot    bootstrapped
 	// While rendering, and after the end until the last checkpoint is written.
 	state     *render.State

@@ -35,9 +35,9 @@ type Decision struct {
 	Integrator       string  `json:"integrator" doc:"What it chose."`
 	Reason           string  `json:"reason" doc:"The rule that decided."`
 	PilotSamples     uint64  `json:"pilot_samples" doc:"Path-traced samples that it looked at."`
-	RelativeVariance float64 `json:"relative_variance" doc:"Variance of a sample's luminance over its squared mean."`
+	RelativeVariance float64 `json:"relative_variance" doc:"Variance of a sample's luminance, relative to its surroundings in the image, over its squared mean."`
 	ZeroShare        float64 `json:"zero_share" doc:"Share of samples that carried nothing."`
-	TopShare         float64 `json:"top_share" doc:"Share of the light that the brightest thousandth of the samples carried."`
+	TopShare         float64 `json:"top_share" doc:"Share of that light that the brightest thousandth of the samples carried."`
 }
 
 // Of explains a job. report is its scene report in protobuf JSON, "" before there is one.

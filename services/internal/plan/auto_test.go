@@ -2,8 +2,10 @@ package plan
 
 import (
 	"math"
+	"reflect"
 	"testing"
 
+	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/job"
 )
@@ -22,6 +24,15 @@ func values(n, bright int, brightness float32, dim int) []float32 {
 	return v
 }
 
+// pilotOf a square image.
+func pilotOf(side uint32, depth int32) *jobv1.ResolvedSpec {
+	return &jobv1.ResolvedSpec{Width: side, Height: side, MaxDepth: depth}
+}
+
+func solid() *scenev1.SceneReport {
+	return &scenev1.SceneReport{Structure: &scenev1.Structure{Shapes: 2, DeltaShapes: 1}}
+}
+
 func TestAutoRule(t *testing.T) {
 	for name, c := range map[string]struct {
 		values []float32
@@ -29,36 +40,48 @@ func TestAutoRule(t *testing.T) {
 		top    float64
 		zero   float64
 	}{
-		"even light":           {values(10000, 0, 0, 10000), "path", 0.001, 0},
-		"mostly dark, even":    {values(10000, 0, 0, 500), "path", 0.02, 0.95},
-		"a visible light":      {values(10000, 100, 50, 9000), "path", 500. / 14000, 0.09},
-		"sparks":               {values(10000, 5, 2000, 9000), "pssmlt", 10005. / 19000, 0.0995},
-		"sparks in the dark":   {values(10000, 5, 2000, 100), "pssmlt", 10005. / 10100, 0.9895},
-		"nothing":              {values(10000, 0, 0, 0), "pssmlt", 0, 1},
-		"fewer than the bound": {values(100, 1, 1, 0), "pssmlt", 1, 0.99},
+		"even light":           {values(10000, 0, 0, 10000), "path", 8. / 9998, 0},
+		"mostly dark, even":    {values(10000, 0, 0, 500), "path", 8. / 498, 0.95},
+		"a visible light":      {values(10000, 100, 50, 9000), "path", 400. / 13900, 0.09},
+		"sparks":               {values(10000, 5, 2000, 9000), "mmlt", 6005. / 15000, 0.0995},
+		"sparks in the dark":   {values(10000, 5, 2000, 100), "mmlt", 6005. / 6100, 0.9895},
+		"one spark":            {values(10000, 1, 1e6, 8999), "path", 8. / 8998, 0.1},
+		"nothing but a spark":  {values(10000, 1, 1, 0), "mmlt", 1, 0.9999},
+		"nothing":              {values(10000, 0, 0, 0), "mmlt", 0, 1},
+		"fewer than the bound": {values(100, 1, 1, 0), "mmlt", 1, 0.99},
 	} {
-		got, d := Decide(c.values, make([]float32, len(c.values)), &scenev1.SceneReport{})
-		if got != c.want || math.Abs(d.TopShare-c.top) > 1e-12 || math.Abs(d.ZeroShare-c.zero) > 1e-12 ||
+		got, d := Decide(job.Request{}, pilotOf(256, -1), c.values, solid())
+		if got.Integrator != c.want || math.Abs(d.TopShare-c.top) > 1e-12 || math.Abs(d.ZeroShare-c.zero) > 1e-12 ||
 			d.PilotSamples != uint64(len(c.values)) || d.Reason == "" {
-			t.Errorf("%s: %s, %v", name, got, d)
+			t.Errorf("%s: %s, %v", name, got.Integrator, d)
 		}
 	}
 }
 
-// TestLampsAreNotHard: what is seen directly does not count, rounding included.
-func TestLampsAreNotHard(t *testing.T) {
-	all, lamp := values(10000, 0, 0, 9000), make([]float32, 10000)
-	for i := range 5 {
-		lamp[i] = 30000
-		all[i] += lamp[i] * (1 + 1e-7)
-	}
-	if got, d := Decide(all, lamp, &scenev1.SceneReport{}); got != "path" || d.TopShare > 0.002 {
-		t.Errorf("%s, %v", got, d)
+func TestAutoLooksAtSizeAndSurfaces(t *testing.T) {
+	hard := values(10000, 5, 2000, 100)
+	glass := &scenev1.SceneReport{Structure: &scenev1.Structure{Shapes: 2, DeltaShapes: 2}}
+	for name, c := range map[string]struct {
+		asked  job.Request
+		pilot  *jobv1.ResolvedSpec
+		report *scenev1.SceneReport
+		want   job.Request
+	}{
+		"large":         {job.Request{}, pilotOf(182, -1), solid(), job.Request{Integrator: "mmlt", Target: "equalized", DirectApart: "on"}},
+		"small":         {job.Request{}, pilotOf(181, -1), solid(), job.Request{Integrator: "bdpt"}},
+		"all glass":     {job.Request{}, pilotOf(181, -1), glass, job.Request{Integrator: "pssmlt", Target: "equalized", DirectApart: "on"}},
+		"short paths":   {job.Request{}, pilotOf(256, 2), solid(), job.Request{Integrator: "mmlt", Target: "equalized"}},
+		"asked for":     {job.Request{Target: "luminance", DirectApart: "off"}, pilotOf(256, -1), solid(), job.Request{Integrator: "mmlt", Target: "luminance", DirectApart: "off"}},
+		"auto is named": {job.Request{Integrator: "auto"}, pilotOf(181, -1), solid(), job.Request{Integrator: "bdpt"}},
+	} {
+		if got, d := Decide(c.asked, c.pilot, hard, c.report); !reflect.DeepEqual(got, c.want) {
+			t.Errorf("%s: %+v, %s", name, got, d.GetReason())
+		}
 	}
 }
 
 func TestRelativeVariance(t *testing.T) {
-	_, d := Decide(values(1000, 0, 0, 250), make([]float32, 1000), &scenev1.SceneReport{})
+	_, d := Decide(job.Request{}, pilotOf(256, -1), values(1000, 0, 0, 250), solid())
 	if want := 0.25 * 0.75 / (0.25 * 0.25); math.Abs(d.RelativeVariance-want) > 1e-12 {
 		t.Errorf("relative variance %v of a coin that shows light one time in four, want %v", d.RelativeVariance, want)
 	}

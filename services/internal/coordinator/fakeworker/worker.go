@@ -216,8 +216,8 @@ func (w *Worker) value(spec *jobv1.ResolvedSpec, index uint64) float32 {
 	const spark, dim = 0.995, 1e-6
 	value := BootstrapValue(spec.GetSeed(), index)
 	switch {
-	case w.OneBounce && spec.GetDirectSizes() != nil, w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2, spec.GetMaxDepth() == 1:
-		return 0 // and no light is seen directly
+	case w.OneBounce && spec.GetDirectSizes() != nil, w.Black || w.OneHalf && index < spec.GetBootstrapSamples()/2:
+		return 0
 	case w.Sparks && value < spark:
 		return value * dim
 	}

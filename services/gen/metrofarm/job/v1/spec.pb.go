@@ -1220,11 +1220,11 @@ type AutoDecision struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Independent path-traced samples that it looked at, with a seed of their own.
 	PilotSamples uint64 `protobuf:"varint,1,opt,name=pilot_samples,json=pilotSamples,proto3" json:"pilot_samples,omitempty"`
-	// Variance of f over the whole film divided by the squared mean.
+	// Variance of f, relative to where a first pass found light, divided by the squared mean.
 	RelativeVariance float64 `protobuf:"fixed64,2,opt,name=relative_variance,json=relativeVariance,proto3" json:"relative_variance,omitempty"`
 	// Share of samples that carried nothing.
 	ZeroShare float64 `protobuf:"fixed64,3,opt,name=zero_share,json=zeroShare,proto3" json:"zero_share,omitempty"`
-	// Share of all light that the brightest thousandth of the samples carried.
+	// Share of f, as above, that the brightest thousandth of the samples carried.
 	TopShare float64 `protobuf:"fixed64,4,opt,name=top_share,json=topShare,proto3" json:"top_share,omitempty"`
 	// The rule that decided, in words.
 	Reason        string `protobuf:"bytes,5,opt,name=reason,proto3" json:"reason,omitempty"`
