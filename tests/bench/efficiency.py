@@ -98,27 +98,23 @@ def constants(runs: list[Run]) -> list[float]:
     return sorted(r.relative_mse * r.cpu_seconds for r in runs)
 
 
+def cell(figures: Figures, scene: str, variant: str) -> str:
+    if variant not in figures[scene]:
+        return ""
+    c = {name: constants(levels[-1]) for name, levels in figures[scene].items()}
+    best = min(c, key=lambda name: statistics.median(c[name]))
+    text = f"{statistics.median(c[variant]):.3g}"
+    text = f"**{text}**" if variant == best else text
+    return f"{text} ({c[variant][0]:.2g}..{c[variant][-1]:.2g})"
+
+
 def table(figures: Figures, header: str) -> str:
+    """A row for each variant, a column for each scene."""
     names = list(dict.fromkeys(name for by_variant in figures.values() for name in by_variant))
-    lines = [
-        header,
-        "",
-        "| scene | " + " | ".join(names) + " |",
-        "| --- |" + " ---: |" * len(names),
-    ]
-    for scene, by_variant in figures.items():
-        c = {name: constants(levels[-1]) for name, levels in by_variant.items()}
-        medians = {name: statistics.median(values) for name, values in c.items()}
-        best = min(medians.values())
-        cells = []
-        for name in names:
-            if name not in c:
-                cells.append("")
-                continue
-            text = f"{medians[name]:.3g}"
-            text = f"**{text}**" if medians[name] == best else text
-            cells.append(f"{text} ({c[name][0]:.2g}..{c[name][-1]:.2g})")
-        lines.append(f"| {scene} | " + " | ".join(cells) + " |")
+    lines = [header, "", "| | " + " | ".join(figures) + " |", "| --- |" + " ---: |" * len(figures)]
+    for name in names:
+        cells = [cell(figures, scene, name) for scene in figures]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
