@@ -4,7 +4,7 @@ On simulated errors (counts 256, 1024, 2048, 5000; eight renders each) that scat
 intervals of slope and floor exclude the truth in at most 1 % of cases. A floor of a tenth of the
 last squared error is found by the slope in 52 %, by the floor in 85 %; one of three tenths always.
 Errors that scatter by half or more hide such floors from both (found in 2 to 6 %, false alarms
-still at most 1 %); the gain of the mean image, which does not compare renders, finds them.
+still at most 1 %); the error of the mean image, which does not compare counts, finds them.
 """
 
 from collections.abc import Sequence
@@ -65,10 +65,12 @@ def noise_uncertainty(reference: Reference, weights: np.ndarray) -> float:
     return float(np.sqrt(2 * (per_pixel**2).sum()) / weights.size)
 
 
-def gain_of_mean(single: Sequence[float], of_mean: float, uncertainty: float) -> Estimate:
-    """Mean squared error of K single images over that of their mean: K where all of it is noise, 1
-    where all of it is bias. The mean's error is taken to scatter as much, relatively, as theirs."""
-    gain = float(np.mean(single)) / of_mean
-    scatter = float(np.std(single, ddof=1) / np.mean(single))
-    relative = np.sqrt(scatter**2 * (1 + 1 / len(single)) + (uncertainty / of_mean) ** 2)
-    return estimate(gain, gain * float(relative), len(single) - 1)
+def share_of_mean(single: Sequence[float], of_mean: float, uncertainty: float) -> Estimate:
+    """Squared error of the mean of K images over that of one: 1 / K where all of it is noise, 1
+    where all of it is bias. The mean's error is taken to scatter as much, relatively, as theirs,
+    and no less than noise would."""
+    count, mean = len(single), float(np.mean(single))
+    share = of_mean / mean
+    scatter = float(np.std(single, ddof=1)) / mean * np.sqrt(1 + 1 / count)
+    error = np.hypot(max(share, 1 / count) * scatter, uncertainty / mean)
+    return estimate(share, float(error), count - 1)

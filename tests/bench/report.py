@@ -189,9 +189,10 @@ render with a seed of its own.
 
 Slopes of log error over log n, where n counts all path evaluations: the bootstrap's too, which find
 the seeds. The error is the root of the mean squared error of the {seeds} images. The floor is F of
-squared error = a / n + F. The gain is the
-squared error of one image over that of the mean of all {seeds} at the last count:
-{seeds} if it is noise, 1 if it is bias. ± is half a 99 % interval; the floor's holds the
+squared error = a / n + F. The error of the mean is the squared error of the mean of all {seeds} \
+images at the last
+count over that of one: {100 / seeds:.1f} % if it is noise, 100 % if it is bias.
+± is half a 99 % interval; the floor's holds the
 uncertainty of what is subtracted for the reference. Elsewhere: without the brightest hundredth of
 the pixels.
 

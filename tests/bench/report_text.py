@@ -103,14 +103,14 @@ def interval(e: Estimate, scale: float = 1.0, digits: int = 3) -> str:
 
 def fit_table(fits: dict[Chains, dict[str, Fit]]) -> str:
     heading = (
-        "| | measure | slope | standard error | floor, % of the last MSE | gain of the mean of all "
-        "seeds |\n| --- | --- |" + " ---: |" * 4 + "\n"
+        "| | measure | slope | standard error | floor, % of the last MSE | error of the mean, % |\n"
+        "| --- | --- |" + " ---: |" * 4 + "\n"
     )
     lines = []
     for chains, by_measure in fits.items():
         for measure, fit in by_measure.items():
             cells = [chains.name, measure, interval(fit.slope), f"{fit.slope.standard_error:.4f}"]
-            cells += [interval(fit.floor_share, 100, 1), interval(fit.gain, 1, 2)]
+            cells += [interval(fit.floor_share, 100, 1), interval(fit.of_mean, 100, 1)]
             lines.append(cells)
     return heading + joined(lines)
 
@@ -121,7 +121,8 @@ def bright_findings(shares: list[float]) -> str:
         "the squared error of an image at the last count. So few pixels decide the RMSE, which "
         "scatters widely; relMSE weighs pixels alike. An image whose chains have hardly met the "
         "smallest light lacks a bounded amount: that makes a slope shallower than -1/2 at few "
-        "mutations without any floor. The gain, which compares no two counts, is free of it."
+        "mutations without any floor. The error of the mean, which compares no two counts, is "
+        "free of it."
     )
 
 
@@ -147,8 +148,9 @@ def sequence_findings(sequences: Sequences, fits: dict[Chains, dict[str, Fit]], 
     return (
         f"Of {whole} fits, slopes whose {LEVEL:.0%} interval excludes -1/2: "
         f"{listed(fits, lambda fit: not fit.slope.contains(-0.5))}. Floors whose interval excludes "
-        f"0: {listed(fits, lambda fit: not fit.floor_share.contains(0.0))}. Gains whose interval "
-        f"excludes {seeds}: {listed(fits, lambda fit: not fit.gain.contains(seeds))}. At the last "
+        f"0: {listed(fits, lambda fit: not fit.floor_share.contains(0.0))}. Errors of the mean "
+        f"whose interval excludes {1 / seeds:.1%}: "
+        f"{listed(fits, lambda fit: not fit.of_mean.contains(1 / seeds))}. At the last "
         "step PSSMLT needs so many times the evaluations of delayed rejection to the same relMSE: "
         f"{gains}."
     )

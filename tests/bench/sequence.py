@@ -4,7 +4,7 @@ import sys
 from dataclasses import dataclass, field
 
 import numpy as np
-from convergence import Estimate, estimate, floor, gain_of_mean, noise_uncertainty, slope
+from convergence import Estimate, estimate, floor, noise_uncertainty, share_of_mean, slope
 from plates import SAMPLINGS, Chains, Experiment, Run
 
 SIGMA = 0.01
@@ -27,11 +27,11 @@ class Sequences:
 class Fit:
     """How one measure of the squared error falls with the path evaluations, the bootstrap's, which
     place the seeds, among them. floor_share: relative to the last squared error.
-    gain: see convergence.gain_of_mean()."""
+    of_mean: see convergence.share_of_mean()."""
 
     slope: Estimate
     floor_share: Estimate
-    gain: Estimate
+    of_mean: Estimate
 
 
 def measure(experiment: Experiment, counts: tuple[int, ...], seeds: int) -> Sequences:
@@ -97,4 +97,4 @@ def fit_one(
     left = floor([run.evaluations for runs in levels for run in runs], flat, uncertainty)
     share = estimate(left.value / last, left.standard_error / last, len(flat) - 2)
     falling = slope([runs[0].evaluations for runs in levels], errors)
-    return Fit(falling, share, gain_of_mean(errors[-1], of_mean, uncertainty))
+    return Fit(falling, share, share_of_mean(errors[-1], of_mean, uncertainty))
