@@ -119,7 +119,7 @@ def table(figures: Figures, header: str) -> str:
 
 
 def plot(scene: str, by_variant: dict[str, list[list[Run]]], out: Path) -> None:
-    figure, axes = pyplot.subplots(figsize=(7, 5))
+    figure, axes = pyplot.subplots(figsize=(8.5, 5))
     styles = ["-", "--", ":"]
     for number, (name, levels) in enumerate(by_variant.items()):
         seconds = [statistics.median(r.cpu_seconds for r in runs) for runs in levels]
@@ -129,7 +129,7 @@ def plot(scene: str, by_variant: dict[str, list[list[Run]]], out: Path) -> None:
     axes.set_ylabel("relMSE")
     axes.set_title(scene)
     axes.grid(True, which="both", alpha=0.25)
-    axes.legend(fontsize=7, ncols=2)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.tight_layout()
     figure.savefig(out, dpi=120)
     pyplot.close(figure)

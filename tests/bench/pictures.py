@@ -11,6 +11,7 @@ from PIL import Image
 
 matplotlib.use("Agg")
 from matplotlib import pyplot
+from matplotlib.ticker import NullFormatter
 
 DPI = 100
 SHOWN_WIDTH = 192  # pixels
@@ -70,6 +71,7 @@ def sequence_plot(panels: Mapping[str, Mapping[str, Points]], out: Path) -> None
         axes.plot(ends, 1.6 * level * np.sqrt(ends[0] / ends), "k--", label="slope -1/2")
         axes.set_xscale("log")
         axes.set_yscale("log")
+        axes.xaxis.set_minor_formatter(NullFormatter())  # labels would overlap
         axes.set_xlabel("path evaluations per pixel")
         axes.set_ylabel(measure)
         axes.grid(True, which="both", alpha=0.25)
