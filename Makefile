@@ -10,12 +10,15 @@ SETUP := tests/setup/setup.sh
 BENCH_ARGS ?=
 RATE_ARGS ?=
 REPORT_ARGS ?=
+LOAD_ARGS ?=
+FARM_COST_ARGS ?=
+CHAOS_ARGS ?=
 # Names of patches in tests/sabotage; empty: all.
 SABOTAGE ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help build worker worker-tests services web demo test agreement references bench report sabotage \
-        stress cluster format lint sanitize setup setup-test setup-bench clean
+.PHONY: help build worker worker-tests services web demo test agreement references bench farm-cost report sabotage \
+        stress chaos load cluster cluster-down format lint sanitize setup setup-test setup-bench clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 14
@@ -35,8 +38,17 @@ bench: build setup-test setup-bench ## run time against error, and rates, beside
 	.tools/bench/bin/python tests/bench/bench.py $(RATE_ARGS)
 	.tools/python/bin/python tests/bench/efficiency.py $(BENCH_ARGS)
 
+farm-cost: build setup-test ## service overhead, checkpoints, scaling from one worker to two
+	.tools/python/bin/python tests/bench/farm_cost.py $(FARM_COST_ARGS)
+
 report: build setup-test setup-bench ## widths of kernels, rates of convergence, what laziness saves
 	.tools/python/bin/python tests/bench/report.py $(REPORT_ARGS)
+
+chaos: build setup-test ## kill 50 processes at random and disturb deliveries; writes tests/chaos/doc
+	$(PYTHON) -m pytest -q -s tests/chaos --kills 50 --pause 5.5 --record tests/chaos/doc/run $(CHAOS_ARGS)
+
+load: build setup-test ## hundreds of simulated workers on one coordinator: where it saturates
+	PYTHONPATH=tests/e2e $(PYTHON) tests/load/load.py $(LOAD_ARGS)
 
 sabotage: build setup-test ## plant bugs, one at a time; each must turn a test red
 	$(PYTHON) tests/sabotage/sabotage.py $(SABOTAGE)
@@ -54,7 +66,7 @@ references: setup-bench ## render the reference images of the agreement tests ag
 	.tools/bench/bin/python tests/agreement/make_references.py
 
 web: setup ## build the dashboard; its output is committed under services/internal/api/web
-	cd web && npm ci --no-audit --no-fund && npm run build
+	cd web && npm ci --no-audit --no-fund && cp package-lock.json node_modules/.installed-lock.json && npm run build
 
 clean: ## remove everything built; .tools stays
 	rm -rf build bin demo
@@ -83,5 +95,11 @@ setup-test:
 setup-bench:
 	@$(SETUP) bench
 
-stress cluster:
+cluster: ## start the compose cluster and render a scene on it by curl (needs docker)
+	@deploy/compose/cluster.sh demo
+
+cluster-down: ## stop the compose cluster; what it holds stays
+	@deploy/compose/cluster.sh down
+
+stress:
 	@echo "make $@ comes with a later version" >&2; exit 1

@@ -1,14 +1,19 @@
 #!/usr/bin/env bash
-# All checks, in the order in which they are cheapest to fail. Every stage runs, so that one report
-# shows all that is wrong; only a failed build ends the run early.
+# All checks. Every stage runs, so that one report shows all that is wrong; only a failed build ends
+# the run early.
 #
-# usage: tests/run.sh [STAGE...]         default: all of them
+# usage: tests/run.sh [STAGE...]         default: all of them, the last two beside the others
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit
 # shellcheck source=tests/setup/environment.sh
 . tests/setup/environment.sh
 
-readonly STAGES=(setup build lint generated cpp go web instrument e2e agreement sanitize)
+readonly FIRST=(setup build generated web)
+readonly THEN=(cpp go instrument e2e page chaos load deploy cluster agreement)
+# Long ones that only compute: they take what THEN leaves of the cores while it waits.
+readonly BESIDE=(lint sanitize)
+readonly STAGES=("${FIRST[@]}" "${THEN[@]}" "${BESIDE[@]}")
+readonly LOGS=build/stages
 
 stage_setup() { tests/setup/setup.sh test; }
 stage_build() { make --no-print-directory build; }
@@ -33,35 +38,90 @@ stage_go() { (cd services && go test -race ./...); }
 stage_web() { (cd web && npm test --silent); }
 stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/sabotage; }
 stage_e2e() { python -m pytest -q tests/e2e; }
+# The browser's tests need axe-core, which npm brings.
+stage_page() {
+  [ -e web/node_modules/axe-core ] || (cd web && npm ci --no-audit --no-fund --loglevel=error) || return
+  python -m pytest -q tests/page
+}
+stage_chaos() { (cd tests/chaos/proxy && go vet ./... && go test ./...) && python -m pytest -q -s tests/chaos; }
+stage_load() { python -m pytest -q tests/load; }
+stage_deploy() { (cd tests/deploy && go vet ./... && go test ./...); }
+stage_cluster() { python -m pytest -q tests/cluster; }
 stage_agreement() { python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py; }
 stage_sanitize() { tests/setup/sanitize.sh --short address,undefined; }
 
 report=()
 failures=0
 
+note_stage() { # NAME VERDICT SECONDS
+  report+=("$(printf '%-12s %-7s %4d s' "$1" "$2" "$3")")
+  echo "=== $1: $2, $3 s"
+  [ "$2" = ok ] || failures=$((failures + 1))
+  [ "$2" = ok ]
+}
+
 run_stage() {
   local name=$1 started=$SECONDS verdict=ok
   printf '\n=== %s\n' "$name"
-  "stage_$name" || { verdict=FAILED; failures=$((failures + 1)); }
-  report+=("$(printf '%-12s %-7s %4d s' "$name" "$verdict" $((SECONDS - started)))")
-  echo "=== $name: $verdict, $((SECONDS - started)) s"
-  [ "$verdict" = ok ]
+  "stage_$name" || verdict=FAILED
+  note_stage "$name" "$verdict" $((SECONDS - started))
+}
+
+# One after another, each with a log and a file that says what came of it.
+run_beside() {
+  renice -n 19 -p "$BASHPID" >/dev/null
+  local name started verdict
+  for name in "${BESIDE[@]}"; do
+    started=$SECONDS verdict=ok
+    "stage_$name" >"$LOGS/$name.log" 2>&1 || verdict=FAILED
+    echo "$verdict $((SECONDS - started))" >"$LOGS/$name.verdict"
+  done
+}
+
+await_beside() {
+  local name verdict seconds
+  wait "$1"
+  for name in "${BESIDE[@]}"; do
+    printf '\n=== %s (beside the others)\n' "$name"
+    cat "$LOGS/$name.log"
+    read -r verdict seconds <"$LOGS/$name.verdict"
+    note_stage "$name" "$verdict" "$seconds"
+  done
+}
+
+run_stages() {
+  local name
+  for name in "$@"; do
+    run_stage "$name" && continue
+    case $name in setup | build) return 1 ;; esac
+  done
+}
+
+run_all() {
+  rm -rf "$LOGS" && mkdir -p "$LOGS"
+  run_stages "${FIRST[@]}" || return
+  run_beside &
+  local beside=$!
+  run_stages "${THEN[@]}"
+  await_beside "$beside"
 }
 
 main() {
-  [ $# -gt 0 ] || set -- "${STAGES[@]}"
-  local name
+  local name wanted=$#
   for name in "$@"; do
-    declare -F "stage_$name" >/dev/null || { echo "no such stage: $name (${STAGES[*]})" >&2; exit 2; }
+    declare -F "stage_$name" >/dev/null ||
+      { echo "no such stage: $name (${STAGES[*]})" >&2; exit 2; }
   done
-  for name in "$@"; do
-    run_stage "$name" && continue
-    case $name in setup | build) break ;; esac
-  done
+  if [ "$wanted" -gt 0 ]; then
+    run_stages "$@"
+  else
+    wanted=${#STAGES[@]}
+    run_all
+  fi
   printf '\n=== summary\n'
   printf '%s\n' "${report[@]}"
   echo "$SECONDS s in all; $failures of ${#report[@]} stages failed"
-  [ "$failures" -eq 0 ] && [ "${#report[@]}" -eq $# ]
+  [ "$failures" -eq 0 ] && [ "${#report[@]}" -eq "$wanted" ]
 }
 
 main "$@"

@@ -111,7 +111,7 @@ VARIANT_SCENES = [
     VariantScene("furnace-point", "furnace-sphere/point-light.xml", 64, 256, 0.10, by_chance=0),
     VariantScene("ring-caustic", "ring-caustic/scene.xml", 1024, 512, 0.30),
     VariantScene("glass-caustic", "glass-caustic/scene.xml", 2048, 512, 0.40),
-    VariantScene("door-ajar", "door-ajar/scene.xml", 4096, 1024, 0.40, by_chance=32),
+    VariantScene("door-ajar", "door-ajar/scene.xml", 4096, 2048, 0.40, by_chance=32),
     VariantScene("veach-door", "peer-veach-door/scene.xml", 4096, 2048, 0.40, by_chance=8),
 ]
 

@@ -54,11 +54,18 @@ class Process:
             self._process = subprocess.Popen(arguments, stdout=out, stderr=out)
 
     @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def end(self, number: signal.Signals, timeout: float = 20) -> int:
+    def send(self, number: signal.Signals) -> None:
         self._process.send_signal(number)
+
+    def end(self, number: signal.Signals, timeout: float = 20) -> int:
+        self.send(number)
         try:
             return self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -66,62 +73,31 @@ class Process:
             self._process.wait()
             raise
 
+    def wait(self, timeout: float) -> int:
+        """The exit status of a program that ends by itself."""
+        return self._process.wait(timeout)
+
     def kill(self) -> None:
         self.end(signal.SIGKILL)
 
 
-@dataclass
-class Farm:
-    """A coordinator with fixed ports and data folder, so that it can be killed and come back."""
-
-    folder: Path
-    local_workers: int = 0
-    threads: int = 1
-    port: int = field(default_factory=free_port)
-    farm_port: int = field(default_factory=free_port)
-    coordinator: Process | None = None
-    workers: dict[str, Process] = field(default_factory=dict)
+class Rest:
+    """The REST interface of a coordinator."""
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
-
-    def start(self) -> None:
-        arguments = [str(METROFARM), "serve", "--listen", f"127.0.0.1:{self.port}"]
-        arguments += ["--farm-listen", f"127.0.0.1:{self.farm_port}"]
-        arguments += ["--data", str(self.folder / "data"), "--workers", str(self.local_workers)]
-        arguments += ["--threads", str(self.threads)]
-        self.coordinator = Process(arguments, self.folder / "coordinator.log")
-        self._wait_until_ready()
-
-    def _wait_until_ready(self, timeout: float = 60) -> None:
-        deadline = time.monotonic() + timeout
-        while time.monotonic() < deadline:
-            if self.coordinator is None or not self.coordinator.alive:
-                break
-            try:
-                if self.get("/readyz").status == 200:
-                    return
-            except OSError:
-                pass
-            time.sleep(0.05)
-        log = (self.folder / "coordinator.log").read_text(errors="replace")
-        raise RuntimeError(f"the coordinator is not ready:\n{log[-4000:]}")
-
-    def start_worker(self, name: str) -> None:
-        arguments = [str(WORKER), "--coordinator", f"127.0.0.1:{self.farm_port}", "--name", name]
-        arguments += ["--threads", str(self.threads), "--cache", str(self.folder / f"cache-{name}")]
-        self.workers[name] = Process(arguments, self.folder / f"{name}.log")
-
-    def close(self) -> None:
-        for process in [*self.workers.values(), self.coordinator]:
-            if process is not None and process.alive:
-                process.kill()
+        raise NotImplementedError
 
     def request(
-        self, method: str, path: str, body: bytes | None = None, media_type: str = ""
+        self,
+        method: str,
+        path: str,
+        body: bytes | None = None,
+        media_type: str = "",
+        idempotency_key: str = "",
     ) -> Answer:
         headers = {"Content-Type": media_type} if media_type else {}
+        headers |= {"Idempotency-Key": idempotency_key} if idempotency_key else {}
         request = urllib.request.Request(self.url + path, body, headers, method=method)
         try:
             with urllib.request.urlopen(request, timeout=30) as reply:
@@ -132,9 +108,9 @@ class Farm:
     def get(self, path: str) -> Answer:
         return self.request("GET", path)
 
-    def post(self, path: str, document: Any = None) -> Answer:
+    def post(self, path: str, document: Any = None, idempotency_key: str = "") -> Answer:
         body = b"" if document is None else json.dumps(document).encode()
-        return self.request("POST", path, body, "application/json")
+        return self.request("POST", path, body, "application/json", idempotency_key)
 
     def upload(self, bundle: bytes) -> Answer:
         return self.request("POST", "/v1/scenes", bundle, "application/zip")
@@ -184,6 +160,56 @@ class Farm:
                 elif not line and "data" in fields:
                     yield int(fields["id"]), fields["event"], json.loads(fields["data"])
                     fields = {}
+
+
+@dataclass
+class Farm(Rest):
+    """A coordinator with fixed ports and data folder, so that it can be killed and come back."""
+
+    folder: Path
+    local_workers: int = 0
+    threads: int = 1
+    port: int = field(default_factory=free_port)
+    farm_port: int = field(default_factory=free_port)
+    options: tuple[str, ...] = ()
+    coordinator: Process | None = None
+    workers: dict[str, Process] = field(default_factory=dict)
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def start(self) -> None:
+        arguments = [str(METROFARM), "serve", "--listen", f"127.0.0.1:{self.port}"]
+        arguments += ["--farm-listen", f"127.0.0.1:{self.farm_port}"]
+        arguments += ["--data", str(self.folder / "data"), "--workers", str(self.local_workers)]
+        arguments += ["--threads", str(self.threads), *self.options]
+        self.coordinator = Process(arguments, self.folder / "coordinator.log")
+        self._wait_until_ready()
+
+    def _wait_until_ready(self, timeout: float = 60) -> None:
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            if self.coordinator is None or not self.coordinator.alive:
+                break
+            try:
+                if self.get("/readyz").status == 200:
+                    return
+            except OSError:
+                pass
+            time.sleep(0.05)
+        log = (self.folder / "coordinator.log").read_text(errors="replace")
+        raise RuntimeError(f"the coordinator is not ready:\n{log[-4000:]}")
+
+    def start_worker(self, name: str) -> None:
+        arguments = [str(WORKER), "--coordinator", f"127.0.0.1:{self.farm_port}", "--name", name]
+        arguments += ["--threads", str(self.threads), "--cache", str(self.folder / f"cache-{name}")]
+        self.workers[name] = Process(arguments, self.folder / f"{name}.log")
+
+    def close(self) -> None:
+        for process in [*self.workers.values(), self.coordinator]:
+            if process is not None and process.alive:
+                process.kill()
 
 
 def zip_files(files: Mapping[str, bytes]) -> bytes:

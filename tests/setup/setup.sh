@@ -2,7 +2,7 @@
 # Installs what building and testing need. Run by make; quick when nothing is missing.
 #
 # usage: setup.sh build     compilers and libraries from apt, toolchains from PyPI
-#        setup.sh test      the same and the linters
+#        setup.sh test      the same, the linters and an S3 server
 #        setup.sh bench     the same as build, and Mitsuba 3 with the LLVM that it needs
 #
 # Debian packages are installed for the whole machine; everything else goes to .tools in the
@@ -16,11 +16,13 @@ readonly BUILD_PACKAGES=(
   protobuf-compiler-grpc prometheus-cpp-dev libpugixml-dev libzstd-dev libxsimd-dev libssl-dev
   zlib1g-dev libstb-dev libturbojpeg0-dev libgtest-dev
 )
-readonly TEST_PACKAGES=(clang-format-19 shellcheck)
+readonly TEST_PACKAGES=(clang-format-19 shellcheck redis-server iproute2 chromium)
 readonly BENCH_PACKAGES=(libllvm19)
 
 readonly STATICCHECK=honnef.co/go/tools/cmd/staticcheck@v0.8.1
 readonly GOFUMPT=mvdan.cc/gofumpt@v0.12.0
+# A real S3 server on a directory, for the tests of blobs in a bucket.
+readonly VERSITYGW=github.com/versity/versitygw/cmd/versitygw@v1.8.0
 
 say() { echo "setup: $*" >&2; }
 
@@ -113,6 +115,7 @@ main() {
     test)
       go_tool staticcheck "$STATICCHECK"
       go_tool gofumpt "$GOFUMPT"
+      go_tool versitygw "$VERSITYGW"
       ;;
     bench) make_venv .tools/bench tests/setup/requirements-bench.txt ;;
   esac

@@ -11,8 +11,11 @@
 namespace {
 
 constexpr char kUsage[] =
-    "usage: metrofarm-worker --coordinator HOST:PORT [--threads N] [--isa avx2] [--name NAME]\n"
-    "                        [--cache DIR]\n"
+    "usage: metrofarm-worker --coordinator HOST:PORT[,HOST:PORT...] [--threads N] [--isa avx2]\n"
+    "                        [--name NAME] [--cache DIR] [--cache-size BYTES]\n"
+    "                        [--scene-memory BYTES] [--grace SECONDS] [--metrics HOST:PORT]\n"
+    "                        [--log-format text|json] [--insecure | --tls-ca FILE\n"
+    "                        [--tls-cert FILE --tls-key FILE]]\n"
     "       metrofarm-worker files SCENE [--set NAME=VALUE]... [--lenient]\n"
     "       metrofarm-worker inspect SCENE [--set NAME=VALUE]... [--lenient]\n"
     "       metrofarm-worker bench SCENE [--integrator path|pssmlt] [--per-pixel N]\n"

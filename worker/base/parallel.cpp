@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -25,15 +27,26 @@ FlushDenormals::~FlushDenormals() {
 void parallel_for(size_t count, int threads,
                   const std::function<void(size_t index, int thread)>& work) {
   std::atomic<size_t> next{0};
+  std::mutex mutex;
+  std::exception_ptr failure;
   const auto drain = [&](int thread) {
     const FlushDenormals flush;
-    for (size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) work(i, thread);
+    try {
+      for (size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) work(i, thread);
+    } catch (...) {
+      next = count;
+      const std::lock_guard lock(mutex);
+      if (!failure) failure = std::current_exception();
+    }
   };
-  std::vector<std::jthread> helpers;
-  const int wanted =
-      static_cast<int>(std::min<size_t>(std::max(threads, 1), std::max<size_t>(count, 1)));
-  for (int t = 1; t < wanted; ++t) helpers.emplace_back(drain, t);
-  drain(0);
+  {
+    std::vector<std::jthread> helpers;
+    const int wanted =
+        static_cast<int>(std::min<size_t>(std::max(threads, 1), std::max<size_t>(count, 1)));
+    for (int t = 1; t < wanted; ++t) helpers.emplace_back(drain, t);
+    drain(0);
+  }
+  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace metrofarm

@@ -100,6 +100,16 @@ bool Film::read_low(int plane, int64_t* out) const {
   return any;
 }
 
+uint64_t Film::largest_magnitude() const {
+  int64_t lowest = 0, highest = 0;
+  for (const std::vector<int64_t>* values : {&full_, &low_}) {
+    const auto [low, high] = std::minmax_element(values->begin(), values->end());
+    lowest = std::min(lowest, *low);
+    highest = std::max(highest, *high);
+  }
+  return std::max(static_cast<uint64_t>(highest), uint64_t{0} - static_cast<uint64_t>(lowest));
+}
+
 void Film::clear() {
   std::fill(full_.begin(), full_.end(), 0);
   std::fill(low_.begin(), low_.end(), 0);

@@ -57,6 +57,8 @@ class Film {
   int tiles_x() const { return (shape_.width + kTileSize - 1) / kTileSize; }
   int tiles_y() const { return (shape_.height + kTileSize - 1) / kTileSize; }
 
+  // Of any value. Requires: nobody splats meanwhile.
+  uint64_t largest_magnitude() const;
   void clear();
   static uint64_t bytes(const FilmShape& shape);
 

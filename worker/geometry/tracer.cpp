@@ -1,8 +1,10 @@
 #include "geometry/tracer.h"
 
+#include <algorithm>
 #include <atomic>
 #include <deque>
 #include <limits>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -71,9 +73,18 @@ void analytic_occluded(const RTCOccludedFunctionNArguments* args) {
   }
 }
 
+struct Memory {
+  std::atomic<int64_t> bytes{0};
+  int64_t limit = 0;
+};
+
+// What is refused is not counted; Embree then gives up, with RTC_ERROR_OUT_OF_MEMORY.
 bool count_memory(void* counter, ssize_t bytes, bool /*post*/) {
-  static_cast<std::atomic<int64_t>*>(counter)->fetch_add(bytes, std::memory_order_relaxed);
-  return true;
+  auto& memory = *static_cast<Memory*>(counter);
+  const int64_t before = memory.bytes.fetch_add(bytes, std::memory_order_relaxed);
+  if (bytes <= 0 || before + bytes <= memory.limit) return true;
+  memory.bytes.fetch_sub(bytes, std::memory_order_relaxed);
+  return false;
 }
 
 void store(float* out, Float value) {
@@ -104,7 +115,7 @@ void store_valid(int* valid, Mask active) {
 
 struct Tracer::Impl {
   const Primitives& primitives;
-  std::atomic<int64_t> memory{0};
+  Memory memory = {};
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
   std::vector<RTCScene> groups;           // null where no instance shows the group
@@ -113,29 +124,40 @@ struct Tracer::Impl {
   // Number of the first triangle and of the first analytic shape that each instance shows.
   std::vector<int32_t> first_triangle = {}, first_analytic = {};
 
-  Impl(const Primitives& p, std::string_view isa) : primitives(p) {
+  Impl(const Primitives& p, std::string_view isa, uint64_t max_bytes) : primitives(p) {
     // One build thread: the order of triangles in the tree, which decides ties, must not depend on
     // the number of cores.
     const std::string config = "threads=1,isa=" + std::string(isa);
     device = rtcNewDevice(config.c_str());
     METROFARM_CHECK(device != nullptr);
+    memory.limit = static_cast<int64_t>(std::min(max_bytes, uint64_t{1} << 62));
     rtcSetDeviceMemoryMonitorFunction(device, count_memory, &memory);
-    scene = rtcNewScene(device);
     analytic_offset = Int(p.triangle_count);
-    add_range(scene, p.world);
-    add_instances();
-    rtcCommitScene(scene);
-    METROFARM_CHECK(rtcGetDeviceError(device) == RTC_ERROR_NONE);
   }
 
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
   ~Impl() {
-    rtcReleaseScene(scene);
+    if (scene != nullptr) rtcReleaseScene(scene);
     for (RTCScene group : groups)
       if (group != nullptr) rtcReleaseScene(group);
     rtcReleaseDevice(device);
+  }
+
+  // Apart from the constructor, so that what was built is released if memory does not suffice.
+  void build() {
+    scene = rtcNewScene(device);
+    add_range(scene, primitives.world);
+    add_instances();
+    commit(scene);
+  }
+
+  void commit(RTCScene built) const {
+    rtcCommitScene(built);
+    const RTCError error = rtcGetDeviceError(device);
+    if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+    METROFARM_CHECK(error == RTC_ERROR_NONE);
   }
 
   void add_range(RTCScene to, const PrimitiveRange& range) {
@@ -181,7 +203,7 @@ struct Tracer::Impl {
       if (groups[group] == nullptr) {
         groups[group] = rtcNewScene(device);
         add_range(groups[group], range);
-        rtcCommitScene(groups[group]);
+        commit(groups[group]);
       }
       RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
       rtcSetGeometryInstancedScene(geometry, groups[group]);
@@ -211,8 +233,10 @@ struct Tracer::Impl {
   }
 };
 
-Tracer::Tracer(const Primitives& primitives, std::string_view isa)
-    : impl_(std::make_unique<Impl>(primitives, isa)) {}
+Tracer::Tracer(const Primitives& primitives, std::string_view isa, uint64_t max_bytes)
+    : impl_(std::make_unique<Impl>(primitives, isa, max_bytes)) {
+  impl_->build();
+}
 
 Tracer::~Tracer() = default;
 
@@ -252,7 +276,7 @@ Mask Tracer::occluded(Mask active, const Vec3& origin, const Vec3& direction, Fl
 }
 
 uint64_t Tracer::bytes() const {
-  return static_cast<uint64_t>(impl_->memory.load(std::memory_order_relaxed));
+  return static_cast<uint64_t>(impl_->memory.bytes.load(std::memory_order_relaxed));
 }
 
 }  // namespace metrofarm::geometry

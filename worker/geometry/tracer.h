@@ -23,8 +23,11 @@ struct RayHits {
 
 class Tracer {
  public:
+  static constexpr uint64_t kAnyBytes = ~uint64_t{0};
+
   // isa: Embree's instruction set, part of what decides the bits ("avx2").
-  Tracer(const Primitives& primitives, std::string_view isa);
+  // Throws std::bad_alloc if Embree needs more than max_bytes or there is no memory.
+  Tracer(const Primitives& primitives, std::string_view isa, uint64_t max_bytes = kAnyBytes);
   ~Tracer();
   Tracer(const Tracer&) = delete;
   Tracer& operator=(const Tracer&) = delete;

@@ -1,15 +1,19 @@
-// Calls to a coordinator: retries what may be repeated, and registers again when the coordinator no
-// longer knows this worker.
+// Calls to one coordinator.
 #pragma once
 
-#include <atomic>
 #include <memory>
-#include <mutex>
 #include <string>
+#include <vector>
 
-#include "metrofarm/farm/v1/farm_service.grpc.pb.h"
+#include "base/log.h"
+#include "metrofarm/farm/v1/farm_service.pb.h"
 #include "rpc/batch.h"
-#include "rpc/bundle_cache.h"
+#include "rpc/bundle_writer.h"
+#include "rpc/cancellation.h"
+
+namespace grpc {
+class ChannelCredentials;
+}
 
 namespace metrofarm::rpc {
 
@@ -20,41 +24,62 @@ struct WorkerIdentity {
   std::string instance;  // 32 hex digits, unique per process
 };
 
-// Thread-safe. Calls block and retry until they succeed or stop() is called.
+// Where a coordinator is.
+struct Endpoint {
+  std::string address;  // HOST:PORT, numeric
+  std::string name;     // HOST:PORT as the user gave it: what a certificate must be for
+
+  auto operator<=>(const Endpoint&) const = default;
+};
+
+// What came of a call.
+enum class CallResult {
+  kDone,
+  kAway,     // nobody answers; the call may be repeated
+  kRefused,  // an answer that repeating will not change
+  kCancelled,
+};
+
+// Thread-safe.
 class FarmClient {
  public:
-  FarmClient(const std::string& address, WorkerIdentity identity);
+  FarmClient(const Endpoint& endpoint, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+             WorkerIdentity identity, Log& log);
+  ~FarmClient();
 
-  void stop() { stopping_ = true; }
-  bool stopping() const { return stopping_; }
+  const Endpoint& endpoint() const;
+  // From Register; empty before.
+  std::string worker_id() const;
+  std::string coordinator_id() const;
+  double heartbeat_seconds() const;
+  // Seconds since the coordinator was last known to answer, 0 while it does.
+  double away_seconds() const;
 
-  // Registers; false only if stopped.
-  bool connect();
-  double heartbeat_seconds() const { return heartbeat_seconds_; }
+  // One attempt each. Where the coordinator does not know the worker any more they register it
+  // again and answer kAway.
+  CallResult enroll(Cancellation& cancellation);
+  CallResult lease(uint32_t max_segments, double wait_seconds, farm::v1::LeaseResponse& response,
+                   Cancellation& cancellation);
+  CallResult heartbeat(farm::v1::HeartbeatRequest request, farm::v1::HeartbeatResponse& response,
+                       Cancellation& cancellation);
+  CallResult release(const std::vector<farm::v1::LeaseRef>& leases, bool leaving);
 
-  // These return false if stopped, or if the coordinator refused in a way that must not be retried.
-  bool lease(uint32_t max_segments, double wait_seconds, farm::v1::LeaseResponse& response);
-  bool report(farm::v1::ReportRequest request, farm::v1::ReportResponse& response);
-  bool deliver(const Batch& batch, farm::v1::DeliverResponse& response);
-  // One attempt; failing is no news, the next beat follows.
-  bool heartbeat(farm::v1::HeartbeatRequest request, farm::v1::HeartbeatResponse& response);
-  // Empty on success, else what went wrong.
-  std::string fetch_bundle(const std::string& digest, BundleWriter& writer);
+  // These repeat, with growing pauses, until they are done, refused or cancelled.
+  CallResult report(farm::v1::ReportRequest request, farm::v1::ReportResponse& response,
+                    Cancellation& cancellation);
+  CallResult deliver(const Batch& batch, farm::v1::DeliverResponse& response,
+                     Cancellation& cancellation);
+  // problem: empty where all went well, or if the result is not kDone.
+  CallResult fetch_bundle(const std::string& digest, BundleWriter& writer, std::string& problem,
+                          Cancellation& cancellation);
 
  private:
-  // Runs attempt(context) until it succeeds; see the class comment.
-  template <class Attempt>
-  bool retry(const char* what, double deadline_seconds, Attempt&& attempt);
-  bool handle_failure(const char* what, const grpc::Status& status, int attempts);
-  bool register_once();
-  std::string worker_id() const;
-
-  WorkerIdentity identity_;
-  std::unique_ptr<farm::v1::FarmService::Stub> stub_;
-  std::atomic<bool> stopping_{false};
-  mutable std::mutex mutex_;  // guards the two below
-  std::string worker_id_;
-  double heartbeat_seconds_ = 3;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
+
+// The pause before a call is repeated: doubles from 0.1 s to 3 s, and is up to half shorter, by
+// chance, so that workers that lost a coordinator together do not come back together.
+double backoff_seconds(int attempts);
 
 }  // namespace metrofarm::rpc

@@ -11,6 +11,7 @@ Leases::~Leases() {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
+  cancellation_.cancel();
   wake_.notify_all();
   thread_.join();
 }
@@ -20,9 +21,28 @@ void Leases::hold(const farm::v1::Task& task) {
   held_[task.task_id()] = {task.epoch(), 0, false};
 }
 
-void Leases::release(const std::string& task_id) {
+void Leases::forget(const std::string& task_id) {
   const std::lock_guard lock(mutex_);
   held_.erase(task_id);
+}
+
+std::vector<farm::v1::LeaseRef> Leases::forget_all() {
+  // A heartbeat after the worker has left would register it again.
+  cancellation_.cancel();
+  const std::lock_guard lock(mutex_);
+  stopping_ = true;
+  std::vector<farm::v1::LeaseRef> refs;
+  for (const auto& [task_id, held] : held_) {
+    refs.emplace_back().set_task_id(task_id);
+    refs.back().set_epoch(held.epoch);
+  }
+  held_.clear();
+  return refs;
+}
+
+size_t Leases::count() const {
+  const std::lock_guard lock(mutex_);
+  return held_.size();
 }
 
 void Leases::set_activity(const std::string& activity) {
@@ -74,12 +94,13 @@ void Leases::beat_until_stopped() {
   while (!stopping_) {
     wake_.wait_for(lock, std::chrono::duration<double>(client_.heartbeat_seconds()));
     if (stopping_) break;
+    if (client_.worker_id().empty()) continue;  // not registered yet
     const farm::v1::HeartbeatRequest beat = request();
     lock.unlock();
     farm::v1::HeartbeatResponse response;
-    const bool answered = client_.heartbeat(beat, response);
+    const CallResult result = client_.heartbeat(beat, response, cancellation_);
     lock.lock();
-    if (answered) obey(response);
+    if (result == CallResult::kDone) obey(response);
   }
 }
 

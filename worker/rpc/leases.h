@@ -1,12 +1,13 @@
-// The leases that this worker holds, renewed by heartbeats from a thread of its own.
+// The leases that this worker holds of one coordinator, renewed by heartbeats from a thread of its
+// own.
 #pragma once
 
 #include <condition_variable>
 #include <map>
 #include <mutex>
-#include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "metrofarm/farm/v1/task.pb.h"
 #include "rpc/farm_client.h"
@@ -20,12 +21,15 @@ class Leases {
   ~Leases();
 
   void hold(const farm::v1::Task& task);
-  void release(const std::string& task_id);
+  void forget(const std::string& task_id);
+  // Forgets all of them, for good: no heartbeat follows. Says which they were.
+  std::vector<farm::v1::LeaseRef> forget_all();
   void set_activity(const std::string& activity);
   void set_fraction(const std::string& task_id, double fraction);
 
   // True if the coordinator no longer wants the task.
   bool abandoned(const std::string& task_id) const;
+  size_t count() const;
   // True once the coordinator has asked this worker to finish and leave.
   bool drain_requested() const;
 
@@ -40,6 +44,7 @@ class Leases {
   void obey(const farm::v1::HeartbeatResponse& response);
 
   FarmClient& client_;
+  Cancellation cancellation_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;

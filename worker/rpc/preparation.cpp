@@ -19,18 +19,18 @@ void add_map(const std::vector<double>& map, google::protobuf::RepeatedField<dou
 
 }  // namespace
 
-void TaskRunner::run_bootstrap(const Context& context, const Task& task, TaskResults& results) {
+farm::v1::ReportRequest TaskRunner::run_bootstrap(const Context& context, const Task& task) {
   const farm::v1::BootstrapTask& range = task.bootstrap();
   if (range.first_index() % kLanes != 0 || range.count() % kLanes != 0 || range.count() > 65536) {
-    results.reports.push_back(failure_report(task, farm::v1::FAILURE_REASON_WORKER,
-                                             "bootstrap range is not made of whole packs"));
-    return;
+    return failure_report(task, farm::v1::FAILURE_REASON_WORKER,
+                          "bootstrap range is not made of whole packs");
   }
   constexpr uint32_t kChunk = 512;
   const size_t chunks = (range.count() + kChunk - 1) / kChunk;
   std::vector<work_unit::BootstrapOutput> outputs(chunks);
   std::vector<double> cpu(chunks);
   parallel_for(chunks, threads_, [&](size_t i, int) {
+    const BusyThread busy(metrics_);
     const double start = thread_cpu_seconds();
     const auto offset = static_cast<uint32_t>(i * kChunk);
     outputs[i] =
@@ -53,15 +53,17 @@ void TaskRunner::run_bootstrap(const Context& context, const Task& task, TaskRes
   }
   for (uint64_t n : anomalies.counts()) result.add_anomaly_counts(n);
   for (const auto& sample : anomalies.samples()) fill_anomaly(sample, *result.add_anomalies());
-  results.reports.push_back(std::move(report));
+  metrics_.rendered(0, result.rays(), result.cpu_seconds());
+  return report;
 }
 
-void TaskRunner::run_kernel_trials(const Context& context, const Task& task, TaskResults& results) {
+farm::v1::ReportRequest TaskRunner::run_kernel_trials(const Context& context, const Task& task) {
   constexpr uint64_t kMostMutations = 65536;
   const farm::v1::KernelTrialsTask& work = task.kernel_trials();
   std::vector<Result<work_unit::SegmentOutput>> outputs(work.kernels_size(), Error{"not tried"});
   std::vector<double> cpu(outputs.size());
   parallel_for(outputs.size(), threads_, [&](size_t i, int) {
+    const BusyThread busy(metrics_);
     const double start = thread_cpu_seconds();
     const auto kernel = to_kernel(work.kernels(static_cast<int>(i)));
     if (!kernel) {
@@ -76,15 +78,13 @@ void TaskRunner::run_kernel_trials(const Context& context, const Task& task, Tas
   fill_lease(task, *report.mutable_lease());
   farm::v1::KernelTrialsResult& result = *report.mutable_kernel_trials();
   for (size_t i = 0; i < outputs.size(); ++i) {
-    if (!outputs[i]) {
-      results.reports.push_back(
-          failure_report(task, farm::v1::FAILURE_REASON_REPLAY, outputs[i].error().message));
-      return;
-    }
+    if (!outputs[i])
+      return failure_report(task, farm::v1::FAILURE_REASON_REPLAY, outputs[i].error().message);
     fill_counts(outputs[i].value(), *result.add_trials());
     result.set_cpu_seconds(result.cpu_seconds() + cpu[i]);
+    metrics_.rendered(outputs[i].value().counts.mutations, outputs[i].value().counts.rays, cpu[i]);
   }
-  results.reports.push_back(std::move(report));
+  return report;
 }
 
 }  // namespace metrofarm::rpc

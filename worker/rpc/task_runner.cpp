@@ -1,8 +1,11 @@
 #include "rpc/task_runner.h"
 
 #include <algorithm>
+#include <new>
+#include <stdexcept>
 
 #include "base/parallel.h"
+#include "rpc/batch_size.h"
 #include "rpc/reports.h"
 
 namespace metrofarm::rpc {
@@ -12,8 +15,7 @@ using work_unit::Context;
 
 namespace {
 
-// A film's largest splat is under 2^4 units in 2^32 steps; so many mutations stay below 2^62.
-constexpr uint64_t kMutationsPerFilm = uint64_t{1} << 26;
+constexpr char kNoMemory[] = "the worker's memory does not suffice for this task";
 
 }  // namespace
 
@@ -32,46 +34,96 @@ struct TaskRunner::Segment {
   double cpu_seconds = 0;
 };
 
-TaskRunner::TaskRunner(SceneCache& scenes, Leases& leases, int threads)
-    : scenes_(scenes), leases_(leases), threads_(threads) {}
+TaskRunner::TaskRunner(SceneCache& scenes, Metrics& metrics, int threads)
+    : scenes_(scenes), metrics_(metrics), threads_(threads) {}
 
-TaskResults TaskRunner::fail_all(const std::vector<Task>& tasks, farm::v1::FailureReason reason,
-                                 const std::string& message) {
-  TaskResults results;
-  for (const Task& task : tasks) results.reports.push_back(failure_report(task, reason, message));
-  return results;
+void TaskRunner::settle(const Order& order, farm::v1::ReportRequest report) {
+  settled_.insert(report.lease().task_id());
+  if (report.has_failure()) metrics_.segments_left("failed", 1);
+  order.report(std::move(report));
 }
 
-TaskResults TaskRunner::run(const std::vector<Task>& tasks) {
-  const Task& first = tasks.front();
-  leases_.set_activity("loading the scene");
-  const auto loaded = scenes_.get(first.scene(), [&](double fraction, std::string_view what) {
-    leases_.set_activity(std::string(what));
-    leases_.set_fraction(first.task_id(), fraction);
-  });
-  if (!loaded) return fail_all(tasks, farm::v1::FAILURE_REASON_SCENE, loaded.error().to_string());
-  const LoadedScene& scene = *loaded.value();
+// Fails what has no result yet.
+void TaskRunner::fail(const Order& order, farm::v1::FailureReason reason,
+                      const std::string& message) {
+  for (const Task& task : order.tasks)
+    if (!settled_.contains(task.task_id())) settle(order, failure_report(task, reason, message));
+}
 
-  TaskResults results;
-  if (first.has_inspect()) {
-    farm::v1::ReportRequest report;
-    fill_lease(first, *report.mutable_lease());
-    *report.mutable_scene() = to_report(*scene.scene, scene.times);
-    results.reports.push_back(std::move(report));
-    return results;
+std::vector<farm::v1::LeaseRef> TaskRunner::run(const Order& order) {
+  settled_.clear();
+  try {
+    SceneCache::Scene scene;
+    const auto fault = load(order, scene);
+    if (!fault) {
+      run_loaded(order, *scene);
+    } else if (fault->kind != LoadFault::Kind::kAway) {
+      const bool scene_is_bad = fault->kind == LoadFault::Kind::kScene;
+      fail(order, scene_is_bad ? farm::v1::FAILURE_REASON_SCENE : farm::v1::FAILURE_REASON_WORKER,
+           fault->message);
+    }
+  } catch (const std::bad_alloc&) {
+    lose_film();
+    fail(order, farm::v1::FAILURE_REASON_WORKER, kNoMemory);
+  } catch (const std::length_error&) {  // the standard library's word for absurd sizes
+    lose_film();
+    fail(order, farm::v1::FAILURE_REASON_WORKER, kNoMemory);
   }
-  leases_.set_activity("rendering");
+  std::vector<farm::v1::LeaseRef> left;
+  for (const Task& task : order.tasks) {
+    if (settled_.contains(task.task_id())) continue;
+    fill_lease(task, left.emplace_back());
+  }
+  return left;
+}
+
+// What was rendered in part is in the film.
+void TaskRunner::lose_film() {
+  loading_ = false;
+  scenes_.clear();
+  if (film_ != nullptr) film_->discard();
+  film_ = nullptr;
+}
+
+void TaskRunner::seal() {
+  if (const auto film = std::move(film_)) film->seal(threads_);
+}
+
+std::optional<LoadFault> TaskRunner::load(const Order& order, SceneCache::Scene& scene) {
+  if (stopped_) return LoadFault{LoadFault::Kind::kAway};
+  const Task& first = order.tasks.front();
+  order.leases.set_activity("loading the scene");
+  loading_ = true;
+  const auto progress = [&](double fraction, std::string_view what) {
+    order.leases.set_activity(std::string(what));
+    order.leases.set_fraction(first.task_id(), fraction);
+  };
+  auto fault = scenes_.get(first.scene(), order.fetch, progress, scene);
+  loading_ = false;
+  return fault;
+}
+
+void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
+  const Task& first = order.tasks.front();
+  if (first.has_inspect()) return settle(order, run_inspect(scene, first));
+  order.leases.set_activity("rendering");
   const auto spec = to_spec(first.spec(), scene.scene->description());
-  if (!spec) return fail_all(tasks, farm::v1::FAILURE_REASON_WORKER, spec.error().to_string());
+  if (!spec) return fail(order, farm::v1::FAILURE_REASON_WORKER, spec.error().to_string());
   const Context context(*scene.scene, spec.value());
-  if (first.has_bootstrap()) {
-    for (const Task& task : tasks) run_bootstrap(context, task, results);
-  } else if (first.has_kernel_trials()) {
-    for (const Task& task : tasks) run_kernel_trials(context, task, results);
-  } else {
-    run_segments(context, segments_of(tasks), results);
+  if (!first.has_bootstrap() && !first.has_kernel_trials())
+    return run_segments(context, segments_of(order.tasks), order);
+  for (const Task& task : order.tasks) {
+    if (stopped_) return;
+    settle(order,
+           task.has_bootstrap() ? run_bootstrap(context, task) : run_kernel_trials(context, task));
   }
-  return results;
+}
+
+farm::v1::ReportRequest TaskRunner::run_inspect(const LoadedScene& scene, const Task& task) {
+  farm::v1::ReportRequest report;
+  fill_lease(task, *report.mutable_lease());
+  *report.mutable_scene() = to_report(*scene.scene, scene.times);
+  return report;
 }
 
 namespace {
@@ -115,8 +167,16 @@ std::vector<TaskRunner::Segment> TaskRunner::segments_of(const std::vector<Task>
   return segments;
 }
 
-void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
-  if (leases_.abandoned(s.task->task_id())) return;
+// Work that was begun is finished; what was not is left to others after much longer than a lease
+// should take.
+bool TaskRunner::enough(const Order& order) const {
+  const std::chrono::duration<double> time = std::chrono::steady_clock::now() - render_start_;
+  return stopped_ || time.count() > 4 * lease_seconds(order.seal_seconds);
+}
+
+void TaskRunner::render(const Context& context, film::Film& film, Segment& s, const Order& order) {
+  if (enough(order) || order.leases.abandoned(s.task->task_id())) return;
+  const BusyThread busy(metrics_);
   const double start = thread_cpu_seconds();
   if (s.chains == nullptr) {
     s.output = work_unit::run_path_segment(context, s.number, s.samples, film);
@@ -135,6 +195,7 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s) {
   }
   s.cpu_seconds = thread_cpu_seconds() - start;
   s.done = true;
+  metrics_.rendered(s.output.counts.mutations, s.output.counts.rays, s.cpu_seconds);
 }
 
 namespace {
@@ -150,47 +211,52 @@ void fill_sums(const work_unit::ChainGroup& group, farm::v1::SegmentResult& resu
 
 }  // namespace
 
-void TaskRunner::run_segments(const Context& context, std::vector<Segment> segments,
-                              TaskResults& results) {
-  size_t begin = 0;
-  while (begin < segments.size()) {
-    // As many segments of one round as a film can hold without overflow.
-    size_t end = begin;
-    uint64_t mutations = 0;
-    do {
-      mutations += segments[end].size * work_unit::kGroupSize;
-      ++end;
-    } while (end < segments.size() && segments[end].round == segments[begin].round &&
-             mutations + segments[end].size * work_unit::kGroupSize < kMutationsPerFilm);
+size_t TaskRunner::open_film(const film::FilmShape& shape, const Segment* begin, const Segment* end,
+                             const Order& order) {
+  const std::string& job = begin->task->job_id();
+  if (film_ && !film_->is_for(shape, job, begin->round, order.receiver.coordinator)) seal();
+  for (;;) {
+    if (!film_) film_ = std::make_unique<OpenFilm>(shape, job, begin->round, order.receiver);
+    const Segment* next = begin;
+    while (next != end && next->round == begin->round &&
+           film_->reserve(next->size * work_unit::kGroupSize))
+      ++next;
+    if (next != begin) return static_cast<size_t>(next - begin);
+    seal();  // full; a fresh one takes any segment
+  }
+}
 
-    film::Film film(context.film_shape());
-    parallel_for(end - begin, threads_,
-                 [&](size_t i, int) { render(context, film, segments[begin + i]); });
-    farm::v1::BatchHeader header;
-    header.set_job_id(segments[begin].task->job_id());
-    header.set_round(segments[begin].round);
-    diagnostics::AnomalyLog anomalies;
-    for (size_t i = begin; i < end; ++i) {
-      const Segment& s = segments[i];
-      if (!s.failure.empty())
-        results.reports.push_back(
-            failure_report(*s.task, farm::v1::FAILURE_REASON_REPLAY, s.failure));
-      if (!s.done) continue;
-      farm::v1::SegmentResult& result = *header.add_segments();
-      result.set_segment(s.number);
-      fill_lease(*s.task, *result.mutable_lease());
-      result.set_digest(s.output.digest);
-      fill_counts(s.output, *result.mutable_counts());
-      header.set_cpu_seconds(header.cpu_seconds() + s.cpu_seconds);
-      anomalies.merge(s.output.anomalies);
-      if (s.chains == nullptr) continue;
-      result.set_state(work_unit::serialize(s.group.state));
-      fill_sums(s.group, result);
-    }
-    for (const auto& sample : anomalies.samples()) fill_anomaly(sample, *header.add_anomalies());
-    if (header.segments_size() > 0)
-      results.batches.push_back(seal(std::move(header), film, threads_));
-    begin = end;
+void TaskRunner::run_segments(const Context& context, std::vector<Segment> segments,
+                              const Order& order) {
+  render_start_ = std::chrono::steady_clock::now();
+  Segment* const end = segments.data() + segments.size();
+  for (Segment* begin = segments.data();
+       begin != end && (begin == segments.data() || !enough(order));) {
+    const size_t count = open_film(context.film_shape(), begin, end, order);
+    parallel_for(count, threads_,
+                 [&](size_t i, int) { render(context, film_->film(), begin[i], order); });
+    collect(begin, begin + count, order);
+    begin += count;
+  }
+  const std::chrono::duration<double> time = std::chrono::steady_clock::now() - render_start_;
+  if (film_ && film_->due(order.seal_seconds, time.count())) seal();
+}
+
+void TaskRunner::collect(Segment* begin, Segment* end, const Order& order) {
+  for (Segment* s = begin; s != end; ++s) {
+    if (!s->failure.empty())
+      settle(order, failure_report(*s->task, farm::v1::FAILURE_REASON_REPLAY, s->failure));
+    if (!s->done) continue;
+    settled_.insert(s->task->task_id());
+    farm::v1::SegmentResult& result = film_->add_segment(s->cpu_seconds);
+    result.set_segment(s->number);
+    fill_lease(*s->task, *result.mutable_lease());
+    result.set_digest(s->output.digest);
+    fill_counts(s->output, *result.mutable_counts());
+    film_->add_anomalies(s->output.anomalies);
+    if (s->chains == nullptr) continue;
+    result.set_state(work_unit::serialize(s->group.state));
+    fill_sums(s->group, result);
   }
 }
 

@@ -1,25 +1,27 @@
 #include "rpc/worker.h"
 
-#include <algorithm>
+#include <unistd.h>
+
+#include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstdio>
-#include <deque>
+#include <cstdlib>
 #include <random>
 #include <thread>
 
+#include "rpc/fleet.h"
+#include "rpc/intake.h"
+#include "rpc/metrics_server.h"
+#include "rpc/outbox.h"
+#include "rpc/reports.h"
 #include "rpc/task_runner.h"
 
 namespace metrofarm::rpc {
 
 namespace {
 
+using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-
-// A batch should take about this long: long enough to be worth a film, short enough to lose.
-constexpr double kBatchSeconds = 1.5;
-constexpr double kLeaseWaitSeconds = 5;
-constexpr size_t kDeliveriesInFlight = 2;
 
 // Identity only; no image depends on it.
 std::string random_instance() {
@@ -33,93 +35,6 @@ std::string random_instance() {
   return out;
 }
 
-// Sends results in the background while the next tasks run; at most two wait.
-class Courier {
- public:
-  Courier(FarmClient& client, Leases& leases, SceneCache& scenes)
-      : client_(client), leases_(leases), scenes_(scenes), thread_([this] { work(); }) {}
-
-  ~Courier() {
-    {
-      const std::lock_guard lock(mutex_);
-      closing_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-  }
-
-  void send(TaskResults results) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return queue_.size() < kDeliveriesInFlight; });
-    queue_.push_back(std::move(results));
-    changed_.notify_all();
-  }
-
- private:
-  void work() {
-    std::unique_lock lock(mutex_);
-    for (;;) {
-      changed_.wait(lock, [&] { return closing_ || !queue_.empty(); });
-      if (queue_.empty()) return;
-      // Stays in the queue while it is sent, so that it counts as in flight.
-      TaskResults& results = queue_.front();
-      lock.unlock();
-      deliver(results);
-      lock.lock();
-      queue_.pop_front();
-      changed_.notify_all();
-    }
-  }
-
-  void deliver(const TaskResults& results) {
-    for (const farm::v1::ReportRequest& report : results.reports) {
-      farm::v1::ReportResponse response;
-      if (client_.report(report, response)) note(response.outcome(), response.message());
-      leases_.release(report.lease().task_id());
-    }
-    for (const Batch& batch : results.batches) {
-      farm::v1::DeliverResponse response;
-      if (client_.deliver(batch, response)) note(response.outcome(), response.message());
-      for (const auto& segment : batch.header.segments())
-        leases_.release(segment.lease().task_id());
-    }
-  }
-
-  void note(farm::v1::Outcome outcome, const std::string& message) {
-    if (outcome == farm::v1::OUTCOME_CONFLICT) scenes_.clear();
-    if (outcome == farm::v1::OUTCOME_CONFLICT || outcome == farm::v1::OUTCOME_REJECTED)
-      std::fprintf(stderr, "metrofarm-worker: result refused: %s\n", message.c_str());
-  }
-
-  FarmClient& client_;
-  Leases& leases_;
-  SceneCache& scenes_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<TaskResults> queue_;
-  bool closing_ = false;
-  std::thread thread_;
-};
-
-// How many segments to ask for, from how long the last ones took. Scheduling only: the image does
-// not depend on it.
-class BatchSize {
- public:
-  explicit BatchSize(int threads) : threads_(threads), segments_(static_cast<uint32_t>(threads)) {}
-
-  uint32_t segments() const { return segments_; }
-  void observe(size_t segments, double seconds) {
-    const double ideal = kBatchSeconds * double(segments) / std::max(seconds, 1e-3);
-    // At most double at once: a quick first answer may be a cheap corner of the image.
-    const double next = std::min(ideal, 2.0 * segments_);
-    segments_ = static_cast<uint32_t>(std::clamp(next, double(threads_), 4096.0));
-  }
-
- private:
-  int threads_;
-  uint32_t segments_;
-};
-
 size_t segments_in(const std::vector<farm::v1::Task>& tasks) {
   size_t n = 0;
   for (const farm::v1::Task& task : tasks) {
@@ -129,52 +44,171 @@ size_t segments_in(const std::vector<farm::v1::Task>& tasks) {
   return n;
 }
 
-void run_tasks(const std::vector<farm::v1::Task>& tasks, TaskRunner& runner, Leases& leases,
-               Courier& courier, BatchSize& size) {
-  for (const farm::v1::Task& task : tasks) leases.hold(task);
-  const auto start = Clock::now();
-  TaskResults results = runner.run(tasks);
-  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  if (const size_t segments = segments_in(tasks); segments > 0) size.observe(segments, seconds);
-  // Abandoned tasks bring nothing back.
-  for (const farm::v1::Task& task : tasks)
-    if (leases.abandoned(task.task_id())) leases.release(task.task_id());
-  courier.send(std::move(results));
-}
+// The parts of a worker, and the thread that renders.
+class Worker {
+ public:
+  Worker(const WorkerOptions& options, Log& log)
+      : options_(options),
+        log_(log),
+        metrics_(options.version, options.scenes.isa, options.threads),
+        scenes_(options.scenes, metrics_, log),
+        runner_(scenes_, metrics_, options.threads),
+        intake_(static_cast<uint32_t>(options.threads)),
+        outbox_([this](const Link* link) { return fleet_.hopeless(link); }),
+        fleet_({options.coordinators,
+                options.resolve_seconds,
+                options.credentials,
+                {options.name, options.version, static_cast<uint32_t>(options.threads),
+                 random_instance()},
+                options.resolve},
+               {log, metrics_, intake_, outbox_, [this] { scenes_.clear(); }}) {}
+
+  ~Worker() {
+    intake_.close();
+    fetching_.cancel();
+    outbox_.close();
+    if (renderer_.joinable()) renderer_.join();
+  }
+
+  Worker(const Worker&) = delete;
+  Worker& operator=(const Worker&) = delete;
+
+  int run(const std::function<int()>& stop_requests) {
+    std::unique_ptr<MetricsServer> server;
+    if (!options_.metrics.empty()) {
+      auto started = MetricsServer::start(options_.metrics, metrics_.collectable(),
+                                          [this] { return fleet_.connected() > 0; });
+      if (!started) {
+        log_.error("--metrics: " + started.error().message);
+        return 1;
+      }
+      server = std::move(started.value());
+    }
+    fleet_.start();
+    renderer_ = std::thread([this] { render(); });
+    while (stop_requests() == 0 && !fleet_.drain_requested()) std::this_thread::sleep_for(20ms);
+    wind_down(stop_requests);
+    if (!rendered_) {
+      // Its leases are given back already, and it cannot be interrupted.
+      log_.warn("left before the work at hand was done");
+      std::fflush(nullptr);
+      std::_Exit(0);
+    }
+    return 0;
+  }
+
+ private:
+  void wind_down(const std::function<int()>& stop_requests) {
+    const bool drained = stop_requests() == 0;
+    log_.info(drained ? "drained: finishing what is held"
+                      : "stopping: finishing what is under way");
+    fleet_.stop_leasing();
+    for (const Leased& unbegun : intake_.close()) give_back(unbegun);
+    auto stop = Clock::now();
+    while (!rendered_ || outbox_.size() > 0) {
+      std::this_thread::sleep_for(5ms);
+      const int requests = stop_requests();
+      if (requests > 0) runner_.stop();
+      if (requests == 0) stop = Clock::now();  // only drained: as long as it takes
+      const std::chrono::duration<double> since = Clock::now() - stop;
+      if (requests > 1 || since.count() >= options_.grace_seconds) break;
+      // While it loads a scene nothing of value is under way.
+      if (requests > 0 && runner_.loading() && outbox_.size() == 0) break;
+    }
+    fetching_.cancel();
+    outbox_.close();
+    fleet_.leave();
+  }
+
+  void render() {
+    while (outbox_.wait_for_room()) {
+      const auto leased = runner_.collecting() ? intake_.more(seat_) : intake_.next();
+      if (leased) {
+        render(*leased);
+      } else if (runner_.collecting()) {
+        runner_.seal();
+      } else {
+        break;
+      }
+    }
+    runner_.drop_film();
+    rendered_ = true;
+  }
+
+  void render(const Leased& leased) {
+    Link& link = *leased.from;
+    seat_ = leased.seat;
+    const auto start = Clock::now();
+    const Order order{
+        leased.tasks,
+        link.leases(),
+        [&](const std::string& digest, BundleWriter& writer, std::string& problem) {
+          return link.client().fetch_bundle(digest, writer, problem, fetching_);
+        },
+        [&](farm::v1::ReportRequest report) { outbox_.put(&link, {{std::move(report)}, {}}); },
+        receiver(leased.from),
+        leased.seal_seconds};
+    const std::vector<farm::v1::LeaseRef> left = runner_.run(order);
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    const size_t segments = segments_in(leased.tasks);
+    if (segments > left.size())
+      link.batch_size().observe(segments - left.size(), seconds,
+                                lease_seconds(leased.seal_seconds));
+    std::vector<farm::v1::LeaseRef> unused;
+    size_t abandoned = 0;
+    for (const farm::v1::LeaseRef& ref : left) {
+      if (link.leases().abandoned(ref.task_id())) {
+        link.leases().forget(ref.task_id());
+        ++abandoned;
+      } else {
+        unused.push_back(ref);
+      }
+    }
+    metrics_.segments_left("abandoned", abandoned);
+    metrics_.segments_left("released", unused.size());
+    link.give_back(unused);
+  }
+
+  // Outlives the order: a film may stay open for later ones.
+  Receiver receiver(const std::shared_ptr<Link>& link) {
+    return {link.get(),
+            [this, link](Batch batch) {
+              TaskResults results;
+              results.batches.push_back(std::move(batch));
+              outbox_.put(link.get(), std::move(results));
+            },
+            [this, link](const std::vector<farm::v1::LeaseRef>& leases) {
+              metrics_.segments_left("released", leases.size());
+              link->give_back(leases);
+            }};
+  }
+
+  void give_back(const Leased& leased) {
+    std::vector<farm::v1::LeaseRef> refs;
+    for (const farm::v1::Task& task : leased.tasks) fill_lease(task, refs.emplace_back());
+    metrics_.segments_left("released", refs.size());
+    leased.from->give_back(refs);
+  }
+
+  const WorkerOptions& options_;
+  Log& log_;
+  Metrics metrics_;
+  SceneCache scenes_;
+  TaskRunner runner_;
+  Intake intake_;
+  Outbox outbox_;
+  Fleet fleet_;
+  Cancellation fetching_;
+  Intake::Seat seat_ = 0;  // of the coordinator that gave work last
+  std::atomic<bool> rendered_{false};
+  std::thread renderer_;
+};
 
 }  // namespace
 
-int run_worker(const WorkerOptions& options, const std::function<bool()>& stop_requested) {
-  FarmClient client(
-      options.coordinator,
-      {options.name, options.version, static_cast<uint32_t>(options.threads), random_instance()});
-  std::jthread watcher([&](const std::stop_token& done) {
-    while (!done.stop_requested() && !stop_requested())
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    // Idle calls end at once; a delivery under way still gets through before connections close.
-    if (stop_requested()) client.stop();
-  });
-  if (!client.connect()) return 0;
-  SceneCache scenes(options.cache, options.isa, [&](const std::string& digest, BundleWriter& w) {
-    return client.fetch_bundle(digest, w);
-  });
-  Leases leases(client);
-  TaskRunner runner(scenes, leases, options.threads);
-  BatchSize size(options.threads);
-  {
-    Courier courier(client, leases, scenes);
-    while (!stop_requested() && !leases.drain_requested()) {
-      farm::v1::LeaseResponse response;
-      if (!client.lease(size.segments(), kLeaseWaitSeconds, response)) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(200));
-        continue;
-      }
-      const std::vector<farm::v1::Task> tasks(response.tasks().begin(), response.tasks().end());
-      if (!tasks.empty()) run_tasks(tasks, runner, leases, courier, size);
-      if (response.drain()) break;
-    }
-  }
-  return 0;
+int run_worker(const WorkerOptions& options, Log& log, const std::function<int()>& stop_requests) {
+  Worker worker(options, log);
+  return worker.run(stop_requests);
 }
 
 }  // namespace metrofarm::rpc

@@ -1,6 +1,7 @@
 // A scene ready to be traced.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string_view>
 
@@ -28,11 +29,13 @@ struct SceneBytes {
 // film size belongs to the job.
 class Scene {
  public:
-  // Mesh data and images are moved out of the description.
-  Scene(scene::SceneDescription description, std::string_view isa)
+  // Mesh data and images are moved out of the description. Throws std::bad_alloc if geometry and
+  // acceleration structure take more than max_bytes.
+  Scene(scene::SceneDescription description, std::string_view isa,
+        uint64_t max_bytes = geometry::Tracer::kAnyBytes)
       : description_(std::move(description)),
         primitives_(geometry::build_primitives(description_)),
-        tracer_(primitives_, isa),
+        tracer_(primitives_, isa, max_bytes - std::min(max_bytes, primitives_.bytes())),
         images_(std::move(description_.images)),
         textures_(description_.textures, images_, primitives_),
         materials_(description_.bsdfs, textures_),

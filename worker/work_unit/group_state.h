@@ -24,7 +24,10 @@ struct PackState {
 
 using GroupState = std::array<PackState, kPacksPerGroup>;
 
-// Every so many iterations the chains of a group are dealt to its packs anew.
+// Every so many iterations the chains of a group are dealt to its packs anew, and what they have
+// gathered is recorded. Coordinators count on the number: a segment that ends on a multiple of it
+// can be gone on with as if it had not ended, to the same bits (CutMultiple of
+// services/internal/plan).
 inline constexpr uint64_t kDealInterval = 16;
 
 // Sorts the chains by the length of their subpaths, so that the lanes of a pack have alike work. It

@@ -28,8 +28,13 @@ func main() {
 		Getenv:     os.Getenv,
 		Now:        time.Now,
 		Interrupts: interrupts,
-		CPUs:       runtime.NumCPU(),
-		Version:    version + revision(),
+		Hangups: func() <-chan os.Signal {
+			hangups := make(chan os.Signal, 1)
+			signal.Notify(hangups, syscall.SIGHUP)
+			return hangups
+		},
+		CPUs:    runtime.NumCPU(),
+		Version: version + revision(),
 		StartFarm: func(ctx context.Context, options cli.FarmOptions) (cli.Farm, error) {
 			return localfarm.Start(ctx, options)
 		},

@@ -6,14 +6,13 @@ import (
 	"encoding/csv"
 	"encoding/json"
 	"errors"
-	"fmt"
 	"net/http"
 	"reflect"
 	"strconv"
-	"time"
 
 	"github.com/danielgtaylor/huma/v2"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/explain"
 	"metrofarm/services/internal/job"
 )
@@ -57,10 +56,12 @@ func (s *server) registerDetails(api huma.API) {
 		Responses: map[string]*huma.Response{"200": {Description: "The points", Content: map[string]*huma.MediaType{
 			"application/json": {Schema: points}, "text/csv": {},
 		}}},
+		Security: needs(auth.Read),
 	}, s.convergence)
 	huma.Register(api, huma.Operation{
 		OperationID: "get-plan", Method: http.MethodGet, Path: "/v1/jobs/{id}/plan",
 		Tags: []string{"details"}, Summary: "What was decided, and why",
+		Security: needs(auth.Read),
 	}, s.plan)
 	huma.Register(api, huma.Operation{
 		OperationID: "get-scene-report", Method: http.MethodGet, Path: "/v1/jobs/{id}/scene",
@@ -68,16 +69,13 @@ func (s *server) registerDetails(api huma.API) {
 		Description: "Shapes, materials, lights, memory and warnings, as a worker found them: " +
 			"metrofarm.scene.v1.SceneReport. A job with inspect_only ends with it.",
 		Responses: map[string]*huma.Response{"200": {Description: "The report", Content: map[string]*huma.MediaType{"application/json": {}}}},
+		Security:  needs(auth.Read),
 	}, s.sceneReport)
 	huma.Register(api, huma.Operation{
 		OperationID: "get-anomalies", Method: http.MethodGet, Path: "/v1/jobs/{id}/anomalies",
 		Tags: []string{"details"}, Summary: "Contributions that were not numbers, infinite or negative",
+		Security: needs(auth.Read),
 	}, s.anomalies)
-	huma.Register(api, huma.Operation{
-		OperationID: "get-log", Method: http.MethodGet, Path: "/v1/jobs/{id}/log",
-		Tags: []string{"details"}, Summary: "The job's events as lines of text",
-		Responses: map[string]*huma.Response{"200": {Description: "The log", Content: map[string]*huma.MediaType{"text/plain": {}}}},
-	}, s.log)
 }
 
 func (s *server) convergence(ctx context.Context, input *convergenceInput) (*rawOutput, error) {
@@ -154,7 +152,7 @@ func (s *server) anomalies(ctx context.Context, input *JobPath) (*anomaliesOutpu
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}
-	events, err := s.pastEvents(ctx, input.ID)
+	events, err := s.pastEvents(ctx, input.ID, 0)
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}
@@ -173,20 +171,6 @@ func (s *server) anomalies(ctx context.Context, input *JobPath) (*anomaliesOutpu
 	return output, nil
 }
 
-func (s *server) log(ctx context.Context, input *JobPath) (*rawOutput, error) {
-	events, err := s.pastEvents(ctx, input.ID)
-	if err != nil {
-		return nil, s.fail(ctx, err)
-	}
-	var buffer bytes.Buffer
-	for _, event := range events {
-		if event.Message != "" {
-			fmt.Fprintf(&buffer, "%s %-8s %s\n", event.At.UTC().Format(time.RFC3339Nano), event.Kind, event.Message)
-		}
-	}
-	return &rawOutput{ContentType: "text/plain; charset=utf-8", Body: buffer.Bytes()}, nil
-}
-
 func (s *server) sceneReport(ctx context.Context, input *JobPath) (*rawOutput, error) {
 	report, err := s.Service.SceneReport(ctx, input.ID)
 	if err != nil {
@@ -195,10 +179,10 @@ func (s *server) sceneReport(ctx context.Context, input *JobPath) (*rawOutput, e
 	return &rawOutput{ContentType: "application/json", Body: []byte(report)}, nil
 }
 
-// pastEvents returns the events so far.
-func (s *server) pastEvents(ctx context.Context, id string) ([]job.Event, error) {
+// pastEvents returns the events so far above after.
+func (s *server) pastEvents(ctx context.Context, id string, after uint64) ([]job.Event, error) {
 	ctx, cancel := context.WithCancel(ctx) // ends the subscription
 	defer cancel()
-	past, _, err := s.Service.Events(ctx, id, 0)
+	past, _, err := s.Service.Events(ctx, id, after)
 	return past, err
 }

@@ -4,8 +4,10 @@ import (
 	"bufio"
 	"bytes"
 	"image/png"
+	"io"
 	"mime/multipart"
 	"net/http"
+	"strconv"
 	"strings"
 	"testing"
 	"time"
@@ -49,10 +51,69 @@ func TestSceneUploadRefusals(t *testing.T) {
 	}
 	f.expectProblem(422, "", f.do("POST", "/v1/scenes", "text"))
 	f.expectProblem(422, "", f.do("POST", "/v1/scenes", ""))
-	bomb := zipOf(t, map[string]string{"bomb": strings.Repeat("\x00", 1<<19)})
-	f.expectProblem(413, "", f.do("POST", "/v1/scenes", bomb))
-	f.expectProblem(413, "", f.do("POST", "/v1/scenes", strings.Repeat("PK\x03\x04", 1<<15)))
 	f.expectProblem(422, "body.file", f.do("POST", "/v1/scenes", "--x\r\n\r\n--x--\r\n", "Content-Type", "multipart/form-data; boundary=x"))
+}
+
+func TestSceneUploadLimits(t *testing.T) {
+	f := newFixture(t) // takes 64 KiB that unpack to 256 KiB in 10 files
+	many := map[string]string{}
+	for i := range 11 {
+		many[strconv.Itoa(i)] = ""
+	}
+	long := strings.Repeat("PK\x03\x04", 1<<15)
+	for name, c := range map[string]struct{ archive, want string }{
+		"bytes":          {long, "65536 bytes (64 KiB)"},
+		"many bytes":     {long + long, "65536 bytes (64 KiB)"},
+		"unpacked bytes": {zipOf(t, map[string]string{"bomb": strings.Repeat("\x00", 1<<19)}), `"bomb", it unpacks to more than the 262144 bytes`},
+		"files":          {zipOf(t, many), "one more than the 10 files"},
+		"within all":     {zipOf(t, map[string]string{"scene.xml": strings.Repeat("x", 1<<18)}), ""},
+	} {
+		t.Run(name, func(t *testing.T) {
+			got := f.do("POST", "/v1/scenes", c.archive)
+			if c.want == "" {
+				if got.status != http.StatusCreated {
+					t.Errorf("%d: %s", got.status, got.body)
+				}
+				return
+			}
+			f.expectProblem(http.StatusRequestEntityTooLarge, "body", got)
+			if p := decode[problem](t, got); !strings.Contains(p.Detail, c.want) {
+				t.Errorf("%q does not say %q", p.Detail, c.want)
+			}
+		})
+	}
+}
+
+// TestATooLongUploadIsRefusedBeforeItIsSent: a client that asks first hears it at once.
+func TestATooLongUploadIsRefusedBeforeItIsSent(t *testing.T) {
+	f := newFixture(t)
+	body := &countingReader{r: strings.NewReader(strings.Repeat("x", 1<<20))}
+	request, err := http.NewRequestWithContext(t.Context(), http.MethodPost, f.server.URL+"/v1/scenes", body)
+	if err != nil {
+		t.Fatal(err)
+	}
+	request.ContentLength = 1 << 20
+	request.Header.Set("Expect", "100-continue")
+	client := &http.Client{Transport: &http.Transport{ExpectContinueTimeout: time.Minute}}
+	response, err := client.Do(request)
+	if err != nil {
+		t.Fatal(err)
+	}
+	defer response.Body.Close()
+	if response.StatusCode != http.StatusRequestEntityTooLarge || body.read != 0 {
+		t.Errorf("status %d after %d bytes", response.StatusCode, body.read)
+	}
+}
+
+type countingReader struct {
+	r    io.Reader
+	read int
+}
+
+func (c *countingReader) Read(p []byte) (int, error) {
+	n, err := c.r.Read(p)
+	c.read += n
+	return n, err
 }
 
 func TestImages(t *testing.T) {
@@ -111,9 +172,17 @@ func TestConvergencePlanAnomaliesLog(t *testing.T) {
 		t.Errorf("plan %s", plan)
 	}
 	log := string(f.expect(200, "GET", "/v1/jobs/"+id+"/log", "").body)
-	if !strings.HasPrefix(log, "2026-01-02T03:04:05Z state    queued\n") || strings.Count(log, "\n") != 4 {
+	if !strings.HasPrefix(log, "2026-01-02T03:04:05Z state    queued (state=queued)\n") || strings.Count(log, "\n") != 4 ||
+		!strings.Contains(log, " round    round 2 (b=0.25, ") || !strings.Contains(log, "rel_mse=0.25") {
 		t.Errorf("log %q", log)
 	}
+	asJSON := string(f.expect(200, "GET", "/v1/jobs/"+id+"/log?format=json&after=2", "").body)
+	records := strings.Split(strings.TrimSpace(asJSON), "\n")
+	if len(records) != 2 || !strings.HasPrefix(records[0], `{"sequence":3,"timestamp":"2026-01-02T03:04:05Z","severity_text":"INFO","kind":"round",`) ||
+		!strings.Contains(records[0], `"rel_mse":0.25`) || !strings.Contains(records[1], `"severity_text":"WARN"`) {
+		t.Errorf("log %s", asJSON)
+	}
+	f.expectProblem(422, "query.format", f.do("GET", "/v1/jobs/"+id+"/log?format=xml", ""))
 }
 
 // readEvents reads from a stream until a line starts with until.

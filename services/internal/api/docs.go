@@ -9,6 +9,8 @@ import (
 	"strings"
 
 	"github.com/danielgtaylor/huma/v2"
+
+	"metrofarm/services/internal/auth"
 )
 
 // docsTemplate is plain HTML: no script, and nothing from elsewhere.
@@ -25,6 +27,7 @@ const docsTemplate = `<!doctype html>
 <section id="{{.ID}}">
 <h2><code>{{.Method}} {{.Path}}</code></h2>
 <p>{{.Summary}}. {{.Description}}</p>
+<p>Needs: {{.Role}}</p>
 {{if .Parameters}}<table><tr><th>Parameter</th><th>In</th><th>Meaning</th></tr>
 {{range .Parameters}}<tr><td><code>{{.Name}}</code></td><td>{{.In}}</td><td>{{.Description}}</td></tr>{{end}}
 </table>{{end}}
@@ -44,9 +47,9 @@ const docsTemplate = `<!doctype html>
 `
 
 type docsOperation struct {
-	ID, Method, Path, Summary, Description string
-	Parameters                             []docsField
-	Body, Answers                          string
+	ID, Method, Path, Summary, Description, Role string
+	Parameters                                   []docsField
+	Body, Answers                                string
 }
 
 type docsField struct{ Name, In, Description string }
@@ -90,7 +93,10 @@ func describe(operation *huma.Operation) docsOperation {
 	described := docsOperation{
 		ID: operation.OperationID, Method: operation.Method, Path: operation.Path,
 		Summary: operation.Summary, Description: operation.Description,
-		Answers: strings.Join(slices.Sorted(maps.Keys(operation.Responses)), ", "),
+		Role: "nothing", Answers: strings.Join(slices.Sorted(maps.Keys(operation.Responses)), ", "),
+	}
+	if role, err := roleOf(operation); err == nil && role != auth.None {
+		described.Role = "the role " + role.String()
 	}
 	for _, parameter := range operation.Parameters {
 		described.Parameters = append(described.Parameters,

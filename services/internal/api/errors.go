@@ -31,6 +31,9 @@ func (s *server) fail(ctx context.Context, err error) error {
 		return huma.NewError(status, err.Error(),
 			&huma.ErrorDetail{Message: entry.Detail, Location: "body", Value: entry.Entry})
 	}
+	if errors.Is(err, bundle.ErrTooLarge) {
+		return huma.NewError(status, err.Error(), &huma.ErrorDetail{Message: err.Error(), Location: "body"})
+	}
 	return huma.NewError(status, err.Error())
 }
 
@@ -45,6 +48,8 @@ func statusOf(err error) int {
 		return http.StatusRequestEntityTooLarge
 	case errors.Is(err, job.ErrInvalid):
 		return http.StatusUnprocessableEntity
+	case errors.Is(err, job.ErrUnavailable):
+		return http.StatusServiceUnavailable
 	case errors.Is(err, context.Canceled):
 		return http.StatusServiceUnavailable // the client left or we are stopping
 	default:

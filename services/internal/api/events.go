@@ -11,6 +11,7 @@ import (
 	"github.com/danielgtaylor/huma/v2"
 	"github.com/danielgtaylor/huma/v2/adapters/humago"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/job"
 )
 
@@ -28,8 +29,9 @@ func (s *server) registerEvents(api huma.API) {
 		Description: "id is the sequence number, event the kind, data the event as JSON. Comments keep " +
 			"quiet streams open. The stream ends when the reader is too slow; reconnect with Last-Event-ID.",
 		Responses: map[string]*huma.Response{"200": {
-			Description: "The stream", Content: map[string]*huma.MediaType{"text/event-stream": {Schema: event}},
+			Description: "The stream", Content: map[string]*huma.MediaType{eventStreamType: {Schema: event}},
 		}},
+		Security: needs(auth.Read), Middlewares: huma.Middlewares{s.limitStreams(api)},
 	}, s.events)
 }
 
@@ -42,6 +44,8 @@ func (s *server) events(ctx context.Context, input *eventsInput) (*huma.StreamRe
 	}
 	return &huma.StreamResponse{Body: func(hctx huma.Context) {
 		defer cancel()
+		s.metrics.streams.Inc()
+		defer s.metrics.streams.Dec()
 		_, w := humago.Unwrap(hctx)
 		stream := &eventStream{w: w, control: http.NewResponseController(w)}
 		stream.run(ctx, past, live, s.Heartbeat)
@@ -54,15 +58,14 @@ type eventStream struct {
 	control *http.ResponseController
 }
 
+const eventStreamType = "text/event-stream"
+
 // reconnectMilliseconds is how long browsers wait before they connect again.
 const reconnectMilliseconds = 1000
 
 // run returns when the client leaves, the source ends or a write fails.
 func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job.Event, heartbeat time.Duration) {
-	s.w.Header().Set("Content-Type", "text/event-stream")
-	s.w.Header().Set("Cache-Control", "no-store")
-	s.w.Header().Set("X-Accel-Buffering", "no") // proxies: pass events on at once
-	if s.write(fmt.Appendf(nil, "retry: %d\n\n", reconnectMilliseconds)) != nil {
+	if s.begin() != nil {
 		return
 	}
 	for _, event := range past {
@@ -89,6 +92,14 @@ func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job
 			return
 		}
 	}
+}
+
+// begin sends the head of the answer.
+func (s *eventStream) begin() error {
+	s.w.Header().Set("Content-Type", eventStreamType)
+	s.w.Header().Set("Cache-Control", "no-store")
+	s.w.Header().Set("X-Accel-Buffering", "no") // proxies: pass events on at once
+	return s.write(fmt.Appendf(nil, "retry: %d\n\n", reconnectMilliseconds))
 }
 
 func (s *eventStream) send(event job.Event) error {

@@ -16,11 +16,11 @@ type healthOutput struct {
 func (s *server) registerHealth(api huma.API) {
 	huma.Register(api, huma.Operation{
 		OperationID: "get-health", Method: http.MethodGet, Path: "/healthz", Tags: []string{"operation"},
-		Summary: "The process answers",
+		Summary: "The process answers", Security: openToAll(),
 	}, func(context.Context, *struct{}) (*healthOutput, error) { return healthy(), nil })
 	huma.Register(api, huma.Operation{
 		OperationID: "get-readiness", Method: http.MethodGet, Path: "/readyz", Tags: []string{"operation"},
-		Summary: "The coordinator can take requests",
+		Summary: "The coordinator can take requests", Security: openToAll(),
 	}, s.ready)
 }
 

@@ -13,6 +13,7 @@ import (
 
 	"metrofarm/services/internal/api"
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/fakefarm"
 	"metrofarm/services/internal/job"
@@ -26,7 +27,12 @@ type fixture struct {
 
 func newFixture(t *testing.T) *fixture {
 	t.Helper()
-	blobs, err := blob.Open(t.TempDir())
+	return newFixtureWith(t, func(*api.Options) {})
+}
+
+func newFixtureWith(t *testing.T, change func(*api.Options)) *fixture {
+	t.Helper()
+	backend, err := dir.Open(t.TempDir())
 	if err != nil {
 		t.Fatal(err)
 	}
@@ -34,10 +40,15 @@ func newFixture(t *testing.T) *fixture {
 	start := time.Date(2026, 1, 2, 3, 4, 5, 0, time.UTC)
 	farm := fakefarm.New(func() time.Time { return start })
 	var _ api.Service = farm
-	handler := api.NewHandler(api.Options{
-		Service: farm, Scenes: bundle.NewLibrary(blobs, limits, t.TempDir()),
-		Heartbeat: 20 * time.Millisecond, LocalOnly: true, Version: "test",
-	})
+	options := api.Options{
+		Service: farm, Scenes: bundle.NewLibrary(blob.New(backend), limits, t.TempDir()),
+		Heartbeat: 20 * time.Millisecond, FarmInterval: 10 * time.Millisecond, CheckHosts: true, Version: "test",
+	}
+	change(&options)
+	handler, err := api.NewHandler(options)
+	if err != nil {
+		t.Fatal(err)
+	}
 	f := &fixture{t: t, farm: farm, server: httptest.NewServer(handler)}
 	t.Cleanup(f.server.Close)
 	return f

@@ -1,12 +1,18 @@
 package api
 
 import (
+	"cmp"
 	"context"
+	"crypto/sha256"
+	"encoding/hex"
+	"encoding/json"
+	"errors"
 	"net/http"
 	"strings"
 
 	"github.com/danielgtaylor/huma/v2"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/job"
 )
 
@@ -32,6 +38,7 @@ type createdOutput struct {
 type listInput struct {
 	Cursor string `query:"cursor" maxLength:"128" doc:"The next of an earlier page; absent for the first."`
 	Limit  int    `query:"limit" minimum:"1" maximum:"200" default:"50" doc:"Jobs per page."`
+	View   string `query:"view" enum:"full,brief" default:"full" doc:"brief leaves out the resolved spec, lengths, techniques and warnings."`
 }
 
 type jobList struct {
@@ -48,21 +55,31 @@ func (s *server) registerJobs(api huma.API) {
 		OperationID: "submit-job", Method: http.MethodPost, Path: "/v1/jobs", Tags: []string{"jobs"},
 		Summary:       "Submit a job",
 		Description:   "The job is stored durably before the answer.",
-		DefaultStatus: http.StatusCreated, MaxBodyBytes: jsonBodyLimit, BodyReadTimeout: jsonBodyTimeout,
+		DefaultStatus: http.StatusCreated, MaxBodyBytes: s.Limits.BodyBytes, BodyReadTimeout: jsonBodyTimeout,
+		Security: needs(auth.Submit),
 	}, s.submit)
 	relaxRequest(api.OpenAPI())
 	huma.Register(api, huma.Operation{
 		OperationID: "list-jobs", Method: http.MethodGet, Path: "/v1/jobs", Tags: []string{"jobs"},
-		Summary: "List jobs, newest first",
+		Summary: "List jobs, newest first", Security: needs(auth.Read),
 	}, s.list)
 	huma.Register(api, huma.Operation{
 		OperationID: "get-job", Method: http.MethodGet, Path: "/v1/jobs/{id}", Tags: []string{"jobs"},
-		Summary: "Get a job",
+		Summary: "Get a job", Security: needs(auth.Read),
 	}, s.get)
+	huma.Register(api, huma.Operation{
+		OperationID: "change-job", Method: http.MethodPatch, Path: "/v1/jobs/{id}", Tags: []string{"jobs"},
+		Summary: "Change the name or the priority of a job that has not ended",
+		Description: "The body is a JSON merge patch (RFC 7396): what is absent stays, null asks for the default. " +
+			"The jobs of other users need the role admin.",
+		MaxBodyBytes: s.Limits.BodyBytes, BodyReadTimeout: jsonBodyTimeout,
+		Security: needs(auth.Submit),
+	}, s.change)
 	huma.Register(api, huma.Operation{
 		OperationID: "delete-job", Method: http.MethodDelete, Path: "/v1/jobs/{id}", Tags: []string{"jobs"},
 		Summary:       "Delete a job that has ended, with its image and events",
-		DefaultStatus: http.StatusNoContent,
+		Description:   "The jobs of other users need the role admin.",
+		DefaultStatus: http.StatusNoContent, Security: needs(auth.Submit),
 	}, s.delete)
 }
 
@@ -83,16 +100,39 @@ func relaxRequest(document *huma.OpenAPI) {
 		if len(option.Choices) > 0 {
 			property.Description += ": " + strings.Join(option.Choices, ", ")
 		}
+		property.Extensions = optionExtensions(option)
 	}
 	schema.PrecomputeMessages()
 }
 
+// optionExtensions tell forms what an option is; an enum would refuse values with words of its own.
+func optionExtensions(option job.Option) map[string]any {
+	extensions := map[string]any{"x-summary": option.Text}
+	if len(option.Choices) > 0 {
+		extensions["x-choices"] = option.Choices
+	}
+	if len(option.Integrators) > 0 {
+		extensions["x-integrators"] = option.Integrators
+	}
+	return extensions
+}
+
 func (s *server) submit(ctx context.Context, input *submitInput) (*createdOutput, error) {
-	snapshot, err := s.Service.Submit(ctx, input.Body, input.IdempotencyKey)
+	snapshot, err := s.Service.Submit(ctx, input.Body, keyOf(auth.From(ctx), input.IdempotencyKey))
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}
 	return &createdOutput{Location: "/v1/jobs/" + snapshot.ID, Body: snapshot}, nil
+}
+
+// keyOf keeps the idempotency keys of users apart: a key that somebody else used returns no job of
+// theirs.
+func keyOf(who auth.Identity, key string) string {
+	if who.User == "" || key == "" {
+		return key
+	}
+	sum := sha256.Sum256([]byte(who.User + "\n" + key))
+	return hex.EncodeToString(sum[:])
 }
 
 func (s *server) list(ctx context.Context, input *listInput) (*listOutput, error) {
@@ -102,6 +142,11 @@ func (s *server) list(ctx context.Context, input *listInput) (*listOutput, error
 	}
 	if jobs == nil {
 		jobs = []job.Snapshot{}
+	}
+	if input.View == "brief" {
+		for i := range jobs {
+			jobs[i] = jobs[i].Brief()
+		}
 	}
 	return &listOutput{Body: jobList{Jobs: jobs, Next: next}}, nil
 }
@@ -114,11 +159,85 @@ func (s *server) get(ctx context.Context, input *JobPath) (*jobOutput, error) {
 	return &jobOutput{Body: snapshot}, nil
 }
 
+// changeInput is the merge patch of a job.
+type changeInput struct {
+	JobPath
+	Body changeBody `contentType:"application/merge-patch+json"`
+}
+
+type changeBody map[string]json.RawMessage
+
+// Schema describes what can be changed; job.ParseChange says what is wrong with other members.
+func (changeBody) Schema(huma.Registry) *huma.Schema {
+	return &huma.Schema{Type: huma.TypeObject, AdditionalProperties: true, Properties: map[string]*huma.Schema{
+		"name":     {Type: huma.TypeString, Nullable: true, Description: "For people; null: the scene file's name."},
+		"priority": {Type: huma.TypeInteger, Nullable: true, Description: "From -100 to 100, higher goes first; null: 0."},
+	}}
+}
+
+func (s *server) change(ctx context.Context, input *changeInput) (*jobOutput, error) {
+	change, err := job.ParseChange(input.Body)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	if err := s.checkOwn(ctx, input.ID, "changing"); err != nil {
+		return nil, err
+	}
+	snapshot, err := s.Service.Change(ctx, input.ID, change)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	return &jobOutput{Body: snapshot}, nil
+}
+
+// checkOwn refuses what users may do to their own jobs only, unless an admin does it.
+func (s *server) checkOwn(ctx context.Context, id, doing string) error {
+	snapshot, err := s.Service.Job(ctx, id)
+	if err != nil {
+		return s.fail(ctx, err)
+	}
+	if who := auth.From(ctx); who.User != snapshot.User && !who.Role.Includes(auth.Admin) {
+		return huma.Error403Forbidden("this is a job of " + cmp.Or(snapshot.User, "nobody in particular") + "; " + doing + " it needs the role admin")
+	}
+	return nil
+}
+
 func (s *server) delete(ctx context.Context, input *JobPath) (*struct{}, error) {
+	if err := s.checkOwn(ctx, input.ID, "deleting"); err != nil {
+		return nil, err
+	}
 	if err := s.Service.Delete(ctx, input.ID); err != nil {
 		return nil, s.fail(ctx, err)
 	}
 	return &struct{}{}, nil
+}
+
+type refineInput struct {
+	JobPath
+	Body job.StopRules
+}
+
+func (s *server) registerRefine(api huma.API) {
+	huma.Register(api, huma.Operation{
+		OperationID: "refine-job", Method: http.MethodPost, Path: "/v1/jobs/{id}/refine", Tags: []string{"jobs"},
+		Summary: "Let a job that has ended go on",
+		Description: "A job that is done, or was canceled after its first checkpoint, goes on from there under the same " +
+			"id. The stop rules of the body replace those it had; each must ask for more than before and than there " +
+			"is, else the answer is 422 and names it. The image is, bit by bit, that of a job which was submitted " +
+			"with these rules. It is stored durably before the answer; repeated with the same body, it changes nothing.",
+		MaxBodyBytes: s.Limits.BodyBytes, BodyReadTimeout: jsonBodyTimeout,
+		Security: needs(auth.Submit),
+	}, func(ctx context.Context, input *refineInput) (*jobOutput, error) {
+		snapshot, err := s.Service.Refine(ctx, input.ID, input.Body)
+		var field *job.FieldError
+		if errors.As(err, &field) {
+			err = field.InBody()
+		}
+		if err != nil {
+			return nil, s.fail(ctx, err)
+		}
+		return &jobOutput{Body: snapshot}, nil
+	})
 }
 
 func (s *server) registerActions(api huma.API) {
@@ -135,6 +254,7 @@ func (s *server) registerActions(api huma.API) {
 		huma.Register(api, huma.Operation{
 			OperationID: action.name + "-job", Method: http.MethodPost,
 			Path: "/v1/jobs/{id}/" + action.name, Tags: []string{"jobs"}, Summary: action.summary,
+			Security: needs(auth.Submit),
 		}, func(ctx context.Context, input *JobPath) (*jobOutput, error) {
 			snapshot, err := action.act(ctx, input.ID)
 			if err != nil {

@@ -1,10 +1,14 @@
 package api
 
 import (
+	"cmp"
+	"context"
 	"log/slog"
-	"net"
 	"net/http"
 	"time"
+
+	"metrofarm/services/internal/auth"
+	"metrofarm/services/internal/logging"
 )
 
 // contentPolicy lets the dashboard load only what this server sends. uPlot and the page set styles
@@ -12,16 +16,40 @@ import (
 const contentPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; " +
 	"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
+// withMiddleware surrounds the routes; what comes last here comes first for a request.
 func (s *server) withMiddleware(next http.Handler) http.Handler {
+	next = s.allowed(withDeadline(next))
 	crossOrigin := http.NewCrossOriginProtection()
 	crossOrigin.SetDenyHandler(http.HandlerFunc(func(w http.ResponseWriter, _ *http.Request) {
 		writeProblem(w, http.StatusForbidden, "requests that change something must come from this server's own pages")
 	}))
-	next = crossOrigin.Handler(next)
-	if s.LocalOnly {
-		next = localHostsOnly(next)
+	next = s.paced(crossOrigin.Handler(next))
+	if s.CheckHosts {
+		next = knownHosts(s.Hosts, next)
 	}
-	return s.logged(withHeaders(withDeadline(next)))
+	return traced(s.received(s.identified(s.logged(withHeaders(next)))))
+}
+
+// traced makes what is logged about a request part of the trace that its client is in.
+func traced(next http.Handler) http.Handler {
+	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) { next.ServeHTTP(w, logging.WithTrace(r)) })
+}
+
+// countedKey marks the contexts of requests that another coordinator has counted.
+type countedKey struct{}
+
+// received sees to it that requests which another coordinator passed on are taken as its client's.
+func (s *server) received(next http.Handler) http.Handler {
+	if s.Forwarded == nil {
+		return next
+	}
+	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) {
+		if s.Forwarded(r) {
+			r = r.WithContext(context.WithValue(r.Context(), countedKey{}, true))
+			r.RemoteAddr = cmp.Or(r.Header.Get("X-Forwarded-For"), r.RemoteAddr)
+		}
+		next.ServeHTTP(w, r)
+	})
 }
 
 func withHeaders(next http.Handler) http.Handler {
@@ -31,7 +59,9 @@ func withHeaders(next http.Handler) http.Handler {
 		header.Set("X-Content-Type-Options", "nosniff")
 		header.Set("Referrer-Policy", "no-referrer")
 		header.Set("Cross-Origin-Resource-Policy", "same-origin")
-		header.Set("Cache-Control", "no-cache")
+		header.Set("Cross-Origin-Opener-Policy", "same-origin")
+		header.Set("X-Frame-Options", "DENY") // for browsers that do not know frame-ancestors
+		header.Set("Cache-Control", "private, no-cache")
 		next.ServeHTTP(w, r)
 	})
 }
@@ -46,48 +76,39 @@ func withDeadline(next http.Handler) http.Handler {
 	})
 }
 
-// localHostsOnly refuses names other than localhost and addresses.
-func localHostsOnly(next http.Handler) http.Handler {
-	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) {
-		host, _, err := net.SplitHostPort(r.Host)
-		if err != nil {
-			host = r.Host
-		}
-		if host != "localhost" && net.ParseIP(host) == nil {
-			writeProblem(w, http.StatusMisdirectedRequest, "this server answers to localhost only")
-			return
-		}
-		next.ServeHTTP(w, r)
-	})
-}
-
+// logged keeps a record of who did what. It holds nothing of a request's headers or query, where
+// secrets could be.
 func (s *server) logged(next http.Handler) http.Handler {
 	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) {
 		start := s.Now()
 		recorder := &statusRecorder{ResponseWriter: w, status: http.StatusOK}
 		next.ServeHTTP(recorder, r)
+		took := s.Now().Sub(start)
+		s.count(r, recorder, took)
 		s.logger.LogAttrs(r.Context(), levelOf(r.URL.Path, recorder.status), "request",
+			slog.String("user", auth.From(r.Context()).User),
 			slog.String("method", r.Method),
 			slog.String("path", r.URL.Path),
 			slog.Int("status", recorder.status),
 			slog.Int64("bytes", recorder.bytes),
-			slog.Duration("duration", s.Now().Sub(start)),
+			slog.Duration("duration", took),
 			slog.String("remote", r.RemoteAddr))
 	})
 }
 
 // levelOf keeps probes out of the usual log.
 func levelOf(path string, status int) slog.Level {
-	probe := path == "/healthz" || path == "/readyz" || path == "/metrics"
 	switch {
 	case status >= http.StatusInternalServerError:
 		return slog.LevelError
-	case probe:
+	case isProbe(path) || path == "/metrics":
 		return slog.LevelDebug
 	default:
 		return slog.LevelInfo
 	}
 }
+
+func isProbe(path string) bool { return path == "/healthz" || path == "/readyz" }
 
 type statusRecorder struct {
 	http.ResponseWriter

@@ -1,12 +1,17 @@
 package api
 
 import (
+	"bytes"
 	"crypto/sha256"
 	"embed"
 	"encoding/hex"
 	"io/fs"
 	"net/http"
 	"path"
+	"strings"
+	"time"
+
+	"github.com/klauspost/compress/gzip"
 )
 
 // The dashboard as built from the folder web of the repository; committed, so that building the
@@ -21,7 +26,7 @@ func dashboard() http.Handler {
 	if err != nil {
 		panic(err) // the folder is compiled in
 	}
-	tags := make(map[string]string)
+	tags, zipped := make(map[string]string), make(map[string][]byte)
 	err = fs.WalkDir(files, ".", func(name string, entry fs.DirEntry, err error) error {
 		if err != nil || entry.IsDir() {
 			return err
@@ -29,6 +34,7 @@ func dashboard() http.Handler {
 		content, err := fs.ReadFile(files, name)
 		sum := sha256.Sum256(content)
 		tags["/"+name] = quoted(hex.EncodeToString(sum[:]))
+		zipped["/"+name] = compressed(content)
 		return err
 	})
 	if err != nil {
@@ -46,6 +52,21 @@ func dashboard() http.Handler {
 			return
 		}
 		w.Header().Set("ETag", tag)
+		w.Header().Set("Vary", "Accept-Encoding")
+		if strings.Contains(r.Header.Get("Accept-Encoding"), "gzip") {
+			w.Header().Set("Content-Encoding", "gzip")
+			http.ServeContent(w, r, name, time.Time{}, bytes.NewReader(zipped[name]))
+			return
+		}
 		server.ServeHTTP(w, r)
 	})
+}
+
+// compressed for browsers; a buffer does not fail.
+func compressed(content []byte) []byte {
+	var buffer bytes.Buffer
+	writer := gzip.NewWriter(&buffer)
+	_, _ = writer.Write(content)
+	_ = writer.Close()
+	return buffer.Bytes()
 }

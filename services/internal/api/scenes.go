@@ -13,14 +13,16 @@ import (
 
 	"github.com/danielgtaylor/huma/v2"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/job"
 )
 
 // uploadInput keeps the body as a stream: bundles are far larger than memory should be asked for.
 type uploadInput struct {
-	ContentType string `header:"Content-Type" hidden:"true"`
-	body        io.Reader
+	ContentType   string `header:"Content-Type" hidden:"true"`
+	ContentLength int64  `header:"Content-Length" hidden:"true"`
+	body          io.Reader
 }
 
 // Resolve takes the body's reader, which huma otherwise hides.
@@ -42,6 +44,12 @@ type sceneOutput struct {
 	Body bundle.Scene
 }
 
+type scenesOutput struct {
+	Body struct {
+		Scenes []bundle.Listed `json:"scenes" doc:"The latest used first."`
+	}
+}
+
 type scenePath struct {
 	Digest string `path:"sha256" maxLength:"64" doc:"The bundle's digest."`
 }
@@ -58,6 +66,7 @@ func (s *server) registerScenes(api huma.API) {
 		Description: "A zip, or a tar (plain, gzip or zstd), told by its content; as the body or as the form " +
 			"field file. Bundles are named by their content: uploading again changes nothing.",
 		DefaultStatus: http.StatusCreated,
+		Security:      needs(auth.Submit), Middlewares: huma.Middlewares{s.limitUploads(api)},
 	}, s.upload)
 	// Told to huma only now: it would read the body itself if the operation had named it before.
 	api.OpenAPI().Paths["/v1/scenes"].Post.RequestBody = &huma.RequestBody{
@@ -67,12 +76,23 @@ func (s *server) registerScenes(api huma.API) {
 		},
 	}
 	huma.Register(api, huma.Operation{
+		OperationID: "list-scenes", Method: http.MethodGet, Path: "/v1/scenes", Tags: []string{"scenes"},
+		Summary: "List the stored bundles that have a scene file", Security: needs(auth.Read),
+	}, s.scenes)
+	huma.Register(api, huma.Operation{
 		OperationID: "get-scene", Method: http.MethodGet, Path: "/v1/scenes/{sha256}", Tags: []string{"scenes"},
-		Summary: "List what a bundle holds",
+		Summary: "List what a bundle holds", Security: needs(auth.Read),
 	}, s.scene)
 }
 
+// formOverhead is what a form may have around its file.
+const formOverhead = 64 << 10
+
 func (s *server) upload(ctx context.Context, input *uploadInput) (*sceneOutput, error) {
+	// A client that waits for our word, as curl does, then sends nothing at all.
+	if err := s.Scenes.Limits().CheckUpload(input.ContentLength - formOverhead); err != nil {
+		return nil, s.fail(ctx, err)
+	}
 	archive, err := archiveOf(input.ContentType, input.body)
 	if err != nil {
 		return nil, s.fail(ctx, err)
@@ -104,8 +124,18 @@ func archiveOf(contentType string, body io.Reader) (io.Reader, error) {
 	}
 }
 
+func (s *server) scenes(ctx context.Context, _ *struct{}) (*scenesOutput, error) {
+	scenes, err := s.Scenes.Scenes(ctx)
+	if err != nil {
+		return nil, s.fail(ctx, err)
+	}
+	output := &scenesOutput{}
+	output.Body.Scenes = scenes
+	return output, nil
+}
+
 func (s *server) scene(ctx context.Context, input *scenePath) (*sceneOutput, error) {
-	scene, err := s.Scenes.Scene(input.Digest)
+	scene, err := s.Scenes.Scene(ctx, input.Digest)
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}

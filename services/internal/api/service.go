@@ -18,6 +18,8 @@ type Service interface {
 	Job(ctx context.Context, id string) (job.Snapshot, error)
 	// Jobs lists jobs, newest first, starting after the job with id cursor ("" for the newest).
 	Jobs(ctx context.Context, cursor string, limit int) (jobs []job.Snapshot, next string, err error)
+	// Live lists the jobs that have not ended, in any order; one that ends may be among them for a moment.
+	Live(ctx context.Context) ([]job.Snapshot, error)
 	// Delete removes a job that has ended, with its checkpoint and events.
 	Delete(ctx context.Context, id string) error
 	// Cancel ends a job; its image so far stays.
@@ -27,6 +29,13 @@ type Service interface {
 	Resume(ctx context.Context, id string) (job.Snapshot, error)
 	// Finish makes the round under way the last.
 	Finish(ctx context.Context, id string) (job.Snapshot, error)
+	// Change changes the name or the priority of a job that has not ended.
+	Change(ctx context.Context, id string, change job.Change) (job.Snapshot, error)
+	// Refine lets a job that has ended go on, under the same id, until these rules end it, which replace
+	// those before. Its image will be that of a job that was submitted with them. Repeated with the same
+	// rules it changes nothing; job.ErrInvalid if one asks for no more than there is. It is stored durably
+	// before it returns.
+	Refine(ctx context.Context, id string, stop job.StopRules) (job.Snapshot, error)
 	// Convergence returns one point per complete round.
 	Convergence(ctx context.Context, id string) ([]job.ConvergencePoint, error)
 	// SceneReport returns what a worker found in the job's scene (metrofarm.scene.v1.SceneReport in

@@ -6,6 +6,7 @@ import (
 
 	"github.com/danielgtaylor/huma/v2"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/job"
 )
 
@@ -25,7 +26,7 @@ type workerOutput struct {
 
 // Autoscale is what a scaler of worker pods reads.
 type Autoscale struct {
-	DesiredWorkers int `json:"desired_workers" doc:"How many workers the jobs that can run now could use."`
+	DesiredWorkers int `json:"desired_workers" doc:"How many workers the jobs could use: for each that has not ended and is not paused one, and one for every 16 segments of a whole round."`
 	ActiveJobs     int `json:"active_jobs" doc:"Jobs that have not ended and are not paused."`
 	Workers        int `json:"workers" doc:"Workers that are connected and not draining."`
 }
@@ -37,15 +38,15 @@ type autoscaleOutput struct {
 func (s *server) registerWorkers(api huma.API) {
 	huma.Register(api, huma.Operation{
 		OperationID: "list-workers", Method: http.MethodGet, Path: "/v1/workers", Tags: []string{"workers"},
-		Summary: "List the workers that have been seen",
+		Summary: "List the workers that have been seen", Security: needs(auth.Read),
 	}, s.workers)
 	huma.Register(api, huma.Operation{
 		OperationID: "drain-worker", Method: http.MethodPost, Path: "/v1/workers/{id}/drain", Tags: []string{"workers"},
-		Summary: "Ask a worker to finish what it holds and leave",
+		Summary: "Ask a worker to finish what it holds and leave", Security: needs(auth.Admin),
 	}, s.drain)
 	huma.Register(api, huma.Operation{
 		OperationID: "get-autoscale", Method: http.MethodGet, Path: "/v1/autoscale", Tags: []string{"workers"},
-		Summary: "How many workers could be busy",
+		Summary: "How many workers could be busy", Security: needs(auth.Read),
 	}, s.autoscale)
 }
 
@@ -75,7 +76,7 @@ func (s *server) autoscale(ctx context.Context, _ *struct{}) (*autoscaleOutput, 
 			return nil, s.fail(ctx, err)
 		}
 		for _, snapshot := range jobs {
-			if wanted := wantedWorkers(snapshot); wanted > 0 {
+			if wanted := snapshot.WantedWorkers(); wanted > 0 {
 				output.Body.ActiveJobs++
 				output.Body.DesiredWorkers += wanted
 			}
@@ -92,16 +93,4 @@ func (s *server) autoscale(ctx context.Context, _ *struct{}) (*autoscaleOutput, 
 		}
 	}
 	return output, nil
-}
-
-// segmentsPerWorker is how much of a round keeps one worker busy long enough to be worth a start.
-const segmentsPerWorker = 16
-
-// wantedWorkers of one job: none when it cannot run, else one per so many segments of a whole
-// round. What is left of the round would make the number fall to one at each round's end.
-func wantedWorkers(snapshot job.Snapshot) int {
-	if snapshot.State.Ended() || snapshot.Paused {
-		return 0
-	}
-	return max(1, (snapshot.RoundSegments+segmentsPerWorker-1)/segmentsPerWorker)
 }

@@ -1,6 +1,7 @@
-// Package blob keeps bytes in a directory: scene files named by their SHA-256, bundle manifests
-// named by their digest, and named blobs such as checkpoints. A write is visible whole or not at
-// all, and survives a crash once it has returned.
+// Package blob keeps bytes: scene files named by their SHA-256, bundle manifests named by their
+// digest, and named blobs such as checkpoints. A write is visible whole or not at all, and survives
+// a crash once it has returned. Where the bytes lie is up to a Backend: package dir keeps them in a
+// directory, package s3 in a bucket. Package blobtest has the conformance suite of both.
 package blob
 
 import (
@@ -8,10 +9,9 @@ import (
 	"errors"
 	"fmt"
 	"io"
-	"io/fs"
-	"os"
-	"path/filepath"
+	"iter"
 	"regexp"
+	"time"
 )
 
 // ErrNotFound: no blob of that name.
@@ -23,139 +23,151 @@ var ErrName = errors.New("invalid blob name")
 // ErrTooLarge: the content passed the limit that the caller set.
 var ErrTooLarge = errors.New("content is larger than allowed")
 
-// Store is a directory of blobs. Its methods may be called from several goroutines.
-type Store struct {
-	dir string
-}
+// ErrCorrupt: the content is not what its name says.
+var ErrCorrupt = errors.New("content differs from its digest")
+
+// Kind is one of the three families of blobs. Each has its own names.
+type Kind string
 
 const (
-	filesDir     = "files"
-	manifestsDir = "manifests"
-	namedDir     = "named"
-	temporaryDir = "tmp"
+	// Files of scenes, named by the SHA-256 of their content.
+	Files Kind = "files"
+	// Manifests of bundles, named by their digest.
+	Manifests Kind = "manifests"
+	// Named blobs, such as checkpoints, have names that their writers choose.
+	Named Kind = "named"
 )
 
-// Open makes dir a blob store if it is not one yet. What interrupted writes left behind is removed,
-// so only one process may have a store open.
-func Open(dir string) (*Store, error) {
-	s := &Store{dir: dir}
-	if err := os.RemoveAll(s.path(temporaryDir)); err != nil {
-		return nil, fmt.Errorf("blob: clear temporaries: %w", err)
-	}
-	for _, sub := range []string{filesDir, manifestsDir, namedDir, temporaryDir} {
-		if err := os.MkdirAll(s.path(sub), 0o750); err != nil {
-			return nil, fmt.Errorf("blob: open %s: %w", dir, err)
-		}
-	}
-	return s, nil
+// Kinds lists all of them.
+func Kinds() []Kind { return []Kind{Files, Manifests, Named} }
+
+// Key is where a blob lies: a family and a name in it, one path component without a dot at its start.
+type Key struct {
+	Kind Kind
+	Name string
 }
 
-func (s *Store) path(elements ...string) string {
-	return filepath.Join(append([]string{s.dir}, elements...)...)
+// Info describes a blob.
+type Info struct {
+	Name string
+	Size int64
+	// Modified is when it was last written, by the backend's clock.
+	Modified time.Time
 }
+
+// Backend keeps blobs for a Store, which checks names. Its methods may be called from several
+// goroutines and, on the same place, from several processes. Content is opaque.
+type Backend interface {
+	// Write makes what fill writes the content of key, replacing any earlier content in one step, and
+	// is durable when it returns. If fill or anything else fails, the earlier content stays.
+	Write(ctx context.Context, key Key, fill func(io.Writer) error) error
+	// Add is Write for content whose key is known at its end only: fill returns it.
+	Add(ctx context.Context, fill func(io.Writer) (Key, error)) error
+	// Open opens a blob for reading; ErrNotFound if there is none. The reader ends with ctx.
+	Open(ctx context.Context, key Key) (io.ReadCloser, error)
+	// Stat describes a blob; ErrNotFound if there is none.
+	Stat(ctx context.Context, key Key) (Info, error)
+	// Delete removes a blob. One that does not exist is no error.
+	Delete(ctx context.Context, key Key) error
+	// List describes all blobs of a kind, in no particular order. An error ends it.
+	List(ctx context.Context, kind Kind) iter.Seq2[Info, error]
+	// RemoveUnfinished removes what is left of writes that began before the given time and never
+	// ended.
+	RemoveUnfinished(ctx context.Context, before time.Time) error
+}
+
+// Store is what a backend holds. Its methods may be called from several goroutines.
+type Store struct {
+	backend Backend
+}
+
+// New returns the store of what the backend holds.
+func New(backend Backend) *Store { return &Store{backend} }
 
 var namePattern = regexp.MustCompile(`^[A-Za-z0-9][A-Za-z0-9._-]{0,127}$`)
 
-// WriteBlob makes what fn writes the content of the blob name, replacing any earlier content in one
-// step. If fn fails, the earlier content stays.
-func (s *Store) WriteBlob(name string, fn func(io.Writer) error) error {
-	if !namePattern.MatchString(name) {
-		return fmt.Errorf("%w: %q", ErrName, name)
+func keyOf(kind Kind, name string) (Key, error) {
+	pattern := digestPattern
+	if kind == Named {
+		pattern = namePattern
 	}
-	return s.writeAtomic(func(f *os.File) (string, error) {
-		return s.path(namedDir, name), fn(f)
-	})
+	if !pattern.MatchString(name) {
+		return Key{}, fmt.Errorf("%w: %q", ErrName, name)
+	}
+	return Key{kind, name}, nil
+}
+
+// WriteBlob makes what fill writes the content of the blob name, replacing any earlier content in
+// one step. If fill fails, the earlier content stays.
+func (s *Store) WriteBlob(ctx context.Context, name string, fill func(io.Writer) error) error {
+	key, err := keyOf(Named, name)
+	if err != nil {
+		return err
+	}
+	if err := s.backend.Write(ctx, key, fill); err != nil {
+		return fmt.Errorf("writing blob %s: %w", name, err)
+	}
+	return nil
 }
 
 // OpenBlob opens the blob name for reading; ErrNotFound if there is none.
-func (s *Store) OpenBlob(name string) (io.ReadCloser, error) {
-	if !namePattern.MatchString(name) {
-		return nil, fmt.Errorf("%w: %q", ErrName, name)
+func (s *Store) OpenBlob(ctx context.Context, name string) (io.ReadCloser, error) {
+	key, err := keyOf(Named, name)
+	if err != nil {
+		return nil, err
 	}
-	return open(s.path(namedDir, name))
+	r, err := s.backend.Open(ctx, key)
+	if err != nil {
+		return nil, fmt.Errorf("opening blob %s: %w", name, err)
+	}
+	return r, nil
 }
 
-// DeleteBlob removes the blob name. A blob that does not exist is no error.
-func (s *Store) DeleteBlob(name string) error {
-	if !namePattern.MatchString(name) {
-		return fmt.Errorf("%w: %q", ErrName, name)
+// Delete removes a blob. One that does not exist is no error.
+func (s *Store) Delete(ctx context.Context, kind Kind, name string) error {
+	key, err := keyOf(kind, name)
+	if err != nil {
+		return err
 	}
-	if err := os.Remove(s.path(namedDir, name)); err != nil && !errors.Is(err, fs.ErrNotExist) {
-		return fmt.Errorf("blob: delete: %w", err)
+	if err := s.backend.Delete(ctx, key); err != nil {
+		return fmt.Errorf("deleting %s/%s: %w", kind, name, err)
 	}
 	return nil
 }
 
-// BlobNames lists the named blobs.
-func (s *Store) BlobNames() ([]string, error) {
-	entries, err := os.ReadDir(s.path(namedDir))
+// Stat describes a blob; ErrNotFound if there is none.
+func (s *Store) Stat(ctx context.Context, kind Kind, name string) (Info, error) {
+	key, err := keyOf(kind, name)
 	if err != nil {
-		return nil, fmt.Errorf("blob: list: %w", err)
+		return Info{}, err
 	}
-	names := make([]string, 0, len(entries))
-	for _, entry := range entries {
-		names = append(names, entry.Name())
+	info, err := s.backend.Stat(ctx, key)
+	if err != nil {
+		return Info{}, fmt.Errorf("looking at %s/%s: %w", kind, name, err)
 	}
-	return names, nil
+	return info, nil
 }
 
-// writeAtomic lets fill write a temporary file and say where it belongs; the file is moved there
-// once its bytes are on disk. A target that exists is replaced.
-func (s *Store) writeAtomic(fill func(*os.File) (target string, err error)) error {
-	f, err := os.CreateTemp(s.path(temporaryDir), "write-*")
-	if err != nil {
-		return fmt.Errorf("blob: %w", err)
+// List describes all blobs of a kind, in no particular order. An error ends it. What has a name that
+// no blob can have is not ours and is left out.
+func (s *Store) List(ctx context.Context, kind Kind) iter.Seq2[Info, error] {
+	return func(yield func(Info, error) bool) {
+		for info, err := range s.backend.List(ctx, kind) {
+			if err != nil {
+				yield(Info{}, fmt.Errorf("listing %s: %w", kind, err))
+				return
+			}
+			if _, err := keyOf(kind, info.Name); err == nil && !yield(info, nil) {
+				return
+			}
+		}
 	}
-	defer os.Remove(f.Name()) // fails after the rename, as it should
-	target, err := fill(f)
-	if err == nil {
-		err = f.Sync()
-	}
-	if closeErr := f.Close(); err == nil {
-		err = closeErr
-	}
-	if err != nil {
-		return fmt.Errorf("blob: write: %w", err)
-	}
-	if err := os.Rename(f.Name(), target); err != nil {
-		return fmt.Errorf("blob: %w", err)
-	}
-	return syncDir(filepath.Dir(target))
 }
 
-// syncDir makes a rename in dir durable.
-func syncDir(dir string) error {
-	d, err := os.Open(dir)
-	if err != nil {
-		return fmt.Errorf("blob: %w", err)
-	}
-	defer d.Close()
-	if err := d.Sync(); err != nil {
-		return fmt.Errorf("blob: sync %s: %w", dir, err)
+// RemoveUnfinished removes what is left of writes that began before the given time and never ended.
+func (s *Store) RemoveUnfinished(ctx context.Context, before time.Time) error {
+	if err := s.backend.RemoveUnfinished(ctx, before); err != nil {
+		return fmt.Errorf("removing unfinished writes: %w", err)
 	}
 	return nil
-}
-
-func open(path string) (io.ReadCloser, error) {
-	f, err := os.Open(path)
-	if errors.Is(err, fs.ErrNotExist) {
-		return nil, fmt.Errorf("%w: %s", ErrNotFound, filepath.Base(path))
-	}
-	if err != nil {
-		return nil, fmt.Errorf("blob: %w", err)
-	}
-	return f, nil
-}
-
-// contextReader stops a copy when its context ends.
-type contextReader struct {
-	ctx context.Context
-	r   io.Reader
-}
-
-func (c contextReader) Read(p []byte) (int, error) {
-	if err := c.ctx.Err(); err != nil {
-		return 0, err
-	}
-	return c.r.Read(p)
 }

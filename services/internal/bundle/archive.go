@@ -11,6 +11,7 @@ import (
 	"fmt"
 	"io"
 	"io/fs"
+	"math"
 	"os"
 	"strings"
 
@@ -24,7 +25,7 @@ func (l *Library) AddArchive(ctx context.Context, r io.Reader) (Scene, error) {
 	limited := &limitedReader{r: r, left: l.limits.UploadBytes}
 	if err := l.unpack(ctx, c, bufio.NewReader(limited)); err != nil {
 		if limited.exceeded {
-			return Scene{}, fmt.Errorf("%w: more than %d bytes", ErrTooLarge, l.limits.UploadBytes)
+			return Scene{}, l.limits.uploadError()
 		}
 		return Scene{}, err
 	}
@@ -92,7 +93,7 @@ func unpackTar(ctx context.Context, c *collector, r io.Reader) error {
 		case errors.Is(err, io.EOF):
 			return nil
 		case stream.exceeded:
-			return fmt.Errorf("%w: more than %d bytes unpacked", ErrTooLarge, c.limits.UnpackedBytes)
+			return c.limits.unpackedError("the archive")
 		case err != nil:
 			return fmt.Errorf("%w: %w", ErrArchive, err)
 		}
@@ -115,6 +116,13 @@ func addTarEntry(ctx context.Context, c *collector, header *tar.Header, r io.Rea
 	}
 }
 
+// A zip's directory is read into memory as a whole, before any file can be counted. So much of it is
+// read: the search for its beginning, and entries with long names.
+const (
+	zipDirectoryStart = 256 << 10
+	zipDirectoryEntry = 512
+)
+
 // unpackZip needs the whole archive first: its directory is at the end.
 func (l *Library) unpackZip(ctx context.Context, c *collector, r io.Reader) error {
 	spool, err := os.CreateTemp(l.tempDir, "metrofarm-upload-*")
@@ -127,7 +135,12 @@ func (l *Library) unpackZip(ctx context.Context, c *collector, r io.Reader) erro
 	if err != nil {
 		return fmt.Errorf("holding the upload: %w", err)
 	}
-	archive, err := zip.NewReader(spool, size)
+	directory := &budgetReader{r: spool, left: zipDirectoryStart + zipDirectoryEntry*int64(l.limits.Files)}
+	archive, err := zip.NewReader(directory, size)
+	if directory.exceeded {
+		return fmt.Errorf("%w: its directory is larger than %d files need, which is what this server takes", ErrTooLarge, l.limits.Files)
+	}
+	directory.left = math.MaxInt64
 	if err != nil {
 		return fmt.Errorf("%w: %w", ErrArchive, err)
 	}
@@ -173,6 +186,21 @@ func (c corruptReader) Read(p []byte) (int, error) {
 		err = fmt.Errorf("%w: %w", ErrArchive, err)
 	}
 	return n, err
+}
+
+// budgetReader fails when more is read than allowed, wherever.
+type budgetReader struct {
+	r        io.ReaderAt
+	left     int64
+	exceeded bool
+}
+
+func (b *budgetReader) ReadAt(p []byte, offset int64) (int, error) {
+	if b.left -= int64(len(p)); b.left < 0 {
+		b.exceeded = true
+		return 0, errLimit
+	}
+	return b.r.ReadAt(p, offset)
 }
 
 var errLimit = errors.New("limit reached")

@@ -3,13 +3,18 @@
 package bundle
 
 import (
+	"cmp"
 	"context"
 	"errors"
 	"fmt"
 	"io"
+	"iter"
 	"path"
 	"slices"
 	"strings"
+	"time"
+
+	"github.com/dustin/go-humanize"
 
 	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/job"
@@ -47,11 +52,30 @@ func DefaultLimits() Limits {
 	return Limits{UploadBytes: 4 << 30, UnpackedBytes: 16 << 30, Files: 20_000}
 }
 
+// CheckUpload refuses a size that is known before the upload.
+func (l Limits) CheckUpload(size int64) error {
+	if size > l.UploadBytes {
+		return l.uploadError()
+	}
+	return nil
+}
+
+func (l Limits) uploadError() error {
+	return fmt.Errorf("%w: the archive has more than the %d bytes (%s) that this server takes", ErrTooLarge, l.UploadBytes,
+		humanize.IBytes(uint64(l.UploadBytes)))
+}
+
+func (l Limits) unpackedError(what string) error {
+	return fmt.Errorf("%w: %s unpacks to more than the %d bytes (%s) that this server takes for a scene", ErrTooLarge, what,
+		l.UnpackedBytes, humanize.IBytes(uint64(l.UnpackedBytes)))
+}
+
 // Blobs is where the files go.
 type Blobs interface {
 	PutFile(ctx context.Context, r io.Reader, limit int64) (sha string, size int64, err error)
 	PutManifest(ctx context.Context, files []blob.File) (digest string, err error)
-	Manifest(digest string) ([]blob.File, error)
+	Manifest(ctx context.Context, digest string) ([]blob.File, error)
+	List(ctx context.Context, kind blob.Kind) iter.Seq2[blob.Info, error]
 }
 
 // Scene is a stored bundle.
@@ -62,6 +86,16 @@ type Scene struct {
 	Entries []string `json:"entries"`
 	// Files in ascending order of path.
 	Files []blob.File `json:"files"`
+}
+
+// Listed is what a list says of a stored bundle.
+type Listed struct {
+	Digest  string   `json:"digest"`
+	Entries []string `json:"entries" doc:"The files that may be scene files, best first."`
+	Files   int      `json:"files"`
+	Bytes   int64    `json:"bytes" doc:"Of all files."`
+	// Used is when the bundle was last stored or a job referred to it.
+	Used time.Time `json:"used"`
 }
 
 // Library is the set of stored bundles. Its methods may be called from several goroutines. A
@@ -79,9 +113,12 @@ func NewLibrary(blobs Blobs, limits Limits, tempDir string) *Library {
 	return &Library{blobs: blobs, limits: limits, tempDir: tempDir}
 }
 
+// Limits of one upload.
+func (l *Library) Limits() Limits { return l.limits }
+
 // Scene returns a stored bundle; job.ErrNotFound if there is none of that digest.
-func (l *Library) Scene(digest string) (Scene, error) {
-	files, err := l.blobs.Manifest(digest)
+func (l *Library) Scene(ctx context.Context, digest string) (Scene, error) {
+	files, err := l.blobs.Manifest(ctx, digest)
 	switch {
 	case errors.Is(err, blob.ErrNotFound), errors.Is(err, blob.ErrName):
 		return Scene{}, fmt.Errorf("scene %q: %w", digest, job.ErrNotFound)
@@ -89,6 +126,41 @@ func (l *Library) Scene(digest string) (Scene, error) {
 		return Scene{}, fmt.Errorf("scene %s: %w", digest, err)
 	}
 	return Scene{Digest: digest, Entries: Entries(files), Files: files}, nil
+}
+
+// maxListed bounds what a list reads: each bundle is a blob to open.
+const maxListed = 100
+
+// Scenes lists the bundles that have a scene file, the latest used first, at most 100.
+func (l *Library) Scenes(ctx context.Context) ([]Listed, error) {
+	var stored []blob.Info
+	for info, err := range l.blobs.List(ctx, blob.Manifests) {
+		if err != nil {
+			return nil, fmt.Errorf("scenes: %w", err)
+		}
+		stored = append(stored, info)
+	}
+	slices.SortFunc(stored, func(a, b blob.Info) int {
+		return cmp.Or(b.Modified.Compare(a.Modified), strings.Compare(a.Name, b.Name))
+	})
+	scenes := []Listed{}
+	for _, info := range stored[:min(len(stored), maxListed)] {
+		files, err := l.blobs.Manifest(ctx, info.Name)
+		switch {
+		case errors.Is(err, blob.ErrNotFound): // removed since
+			continue
+		case err != nil:
+			return nil, fmt.Errorf("scenes: %w", err)
+		}
+		listed := Listed{Digest: info.Name, Entries: Entries(files), Files: len(files), Used: info.Modified}
+		for _, file := range files {
+			listed.Bytes += file.Size
+		}
+		if len(listed.Entries) > 0 {
+			scenes = append(scenes, listed)
+		}
+	}
+	return scenes, nil
 }
 
 var sceneExtensions = []string{".xml", ".pbrt"}
@@ -137,8 +209,7 @@ func (c *collector) add(ctx context.Context, name string, r io.Reader) error {
 	}
 	sha, size, err := c.blobs.PutFile(ctx, r, c.limits.UnpackedBytes-c.bytes)
 	if errors.Is(err, blob.ErrTooLarge) {
-		return fmt.Errorf("%w: entry %q brings it above %d bytes unpacked", ErrTooLarge, name,
-			c.limits.UnpackedBytes)
+		return c.limits.unpackedError(fmt.Sprintf("with entry %q, it", name))
 	}
 	if err != nil {
 		return fmt.Errorf("entry %q: %w", name, err)
@@ -155,7 +226,7 @@ func (c *collector) reserve(name string) error {
 			`empty, "." or ".." parts, backslashes or control characters, in at most 1024 bytes of UTF-8`}
 	}
 	if len(c.files) >= c.limits.Files {
-		return fmt.Errorf("%w: entry %q is one more than the %d files allowed", ErrTooLarge, name,
+		return fmt.Errorf("%w: entry %q is one more than the %d files that this server takes for a scene", ErrTooLarge, name,
 			c.limits.Files)
 	}
 	if c.names[name] {
@@ -182,7 +253,7 @@ func (c *collector) finish(ctx context.Context) (Scene, error) {
 	if err != nil {
 		return Scene{}, fmt.Errorf("storing the manifest: %w", err)
 	}
-	files, err := c.blobs.Manifest(digest)
+	files, err := c.blobs.Manifest(ctx, digest)
 	if err != nil {
 		return Scene{}, fmt.Errorf("reading the manifest back: %w", err)
 	}

@@ -6,6 +6,7 @@ import (
 	"bytes"
 	"compress/gzip"
 	"errors"
+	"fmt"
 	"io"
 	"io/fs"
 	"os"
@@ -17,6 +18,7 @@ import (
 	"github.com/klauspost/compress/zstd"
 
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/job"
 )
@@ -75,11 +77,11 @@ func reg(name string) tar.Header { return tar.Header{Typeflag: tar.TypeReg, Name
 
 func library(t testing.TB, limits bundle.Limits) *bundle.Library {
 	t.Helper()
-	blobs, err := blob.Open(t.TempDir())
+	backend, err := dir.Open(t.TempDir())
 	if err != nil {
 		t.Fatal(err)
 	}
-	return bundle.NewLibrary(blobs, limits, t.TempDir())
+	return bundle.NewLibrary(blob.New(backend), limits, t.TempDir())
 }
 
 func small() bundle.Limits {
@@ -109,7 +111,7 @@ func TestDigestDoesNotDependOnTheArchive(t *testing.T) {
 			t.Errorf("%s: %+v, want digest %s", name, scene, digest)
 		}
 	}
-	again, err := l.Scene(digest)
+	again, err := l.Scene(t.Context(), digest)
 	if err != nil || again.Digest != digest || len(again.Files) != 2 {
 		t.Errorf("stored scene %+v, error %v", again, err)
 	}
@@ -167,6 +169,17 @@ func TestRefusals(t *testing.T) {
 	for i := range many {
 		many[i] = reg(strings.Repeat("x", i+1))
 	}
+	few, crowd := make([]entry, 11), make([]entry, 5000)
+	for i := range crowd {
+		crowd[i].name = fmt.Sprintf("%032d", i)
+		few[i%len(few)].name = fmt.Sprintf("%d", i%len(few))
+	}
+	// Folders are no files, but their headers take room.
+	folders := make([]tar.Header, 10_000)
+	for i := range folders {
+		folders[i] = tar.Header{Typeflag: tar.TypeDir, Name: fmt.Sprintf("%d/", i), Mode: 0o755}
+	}
+	headers := tarred(t, folders...)
 	cases := []struct {
 		name    string
 		archive []byte
@@ -197,6 +210,10 @@ func TestRefusals(t *testing.T) {
 		{"not an archive", []byte("<scene/>"), job.ErrInvalid, "neither zip nor tar"},
 		{"zip cut short", good[:len(good)-30], job.ErrInvalid, "unreadable archive"},
 		{"gzip cut short", gzipped(t, tarred(t, reg("a")))[:40], job.ErrInvalid, "unreadable archive"},
+		{"too many in zip", zipped(t, few...), bundle.ErrTooLarge, "10 files"},
+		{"far too many in zip", zipped(t, crowd...), bundle.ErrTooLarge, "larger than 10 files need"},
+		{"unpacks to too much in all", zipped(t, entry{"a", strings.Repeat("\x00", 3<<20), 0}, entry{"b", strings.Repeat("\x00", 2<<20), 0}), bundle.ErrTooLarge, `with entry "b"`},
+		{"headers of a bomb", gzipped(t, headers), bundle.ErrTooLarge, "4194304 bytes (4.0 MiB)"},
 		{"upload too large", bytes.Repeat([]byte("PK\x03\x04"), 1<<19), bundle.ErrTooLarge, "1048576 bytes"},
 	}
 	for _, c := range cases {
@@ -220,7 +237,7 @@ func TestCorruptContentIsTheArchivesFault(t *testing.T) {
 
 func TestUnknownScene(t *testing.T) {
 	for _, digest := range []string{"", "../x", strings.Repeat("0", 64)} {
-		if _, err := library(t, small()).Scene(digest); !errors.Is(err, job.ErrNotFound) {
+		if _, err := library(t, small()).Scene(t.Context(), digest); !errors.Is(err, job.ErrNotFound) {
 			t.Errorf("%q: %v, want ErrNotFound", digest, err)
 		}
 	}

@@ -26,6 +26,9 @@ import (
 // ErrCorrupt: the blob is not a whole checkpoint of this version.
 var ErrCorrupt = errors.New("corrupt checkpoint")
 
+// BlobPrefix begins the names of all checkpoints among the named blobs.
+const BlobPrefix = "checkpoint-"
+
 const (
 	magic        = "MFCKPT01"
 	maxMetaBytes = 4 << 30

@@ -46,10 +46,20 @@ type FarmOptions struct {
 	DataDir string
 	// Listen is the address of REST and dashboard; "": none.
 	Listen string
-	// LocalOnly refuses requests that name another host than this machine.
+	// LocalOnly: nobody but this machine can reach Listen.
 	LocalOnly bool
+	// Store is "bolt", or the URL of a Redis server that several coordinators share.
+	Store string
+	// Advertise is the URL at which other coordinators reach Listen; "": the address of Listen.
+	Advertise string
 	// FarmListen is the address for workers.
 	FarmListen string
+	// Storage says where scenes and checkpoints go, how large scenes may be, and how long things stay.
+	Storage Storage
+	// Access says who may reach them, and how much they may ask for.
+	Access Access
+	// Flow bounds what workers send.
+	Flow Flow
 	// Workers to start here, each with so many Threads.
 	Workers, Threads int
 	// WorkerProgram is needed when Workers is not 0.
@@ -71,6 +81,8 @@ type Env struct {
 	Now      func() time.Time
 	// Interrupts delivers Ctrl-C and SIGTERM.
 	Interrupts <-chan os.Signal
+	// Hangups starts to deliver SIGHUP, which otherwise ends the process.
+	Hangups func() <-chan os.Signal
 	// CPUs is the number of hardware threads.
 	CPUs int
 	// Version of this program.
@@ -92,11 +104,16 @@ func commands() map[string]command {
 		"submit":  {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
 		"jobs":    {"[flags]", "list jobs", listJobs},
 		"job":     {"ID [flags]", "show one job", showJob},
+		"change":  {"ID... [flags]", "change the priority or the name of jobs that have not ended", changeJobs},
 		"cancel":  {"ID... [flags]", "end jobs; their images so far stay", act("cancel")},
 		"pause":   {"ID... [flags]", "stop handing out work of jobs", act("pause")},
 		"resume":  {"ID... [flags]", "go on with paused jobs", act("resume")},
 		"finish":  {"ID... [flags]", "make the round under way the last", act("finish")},
+		"refine":  {"ID [flags]", "let a job that has ended go on, to a lower error or more samples", refine},
+		"log":     {"ID [flags]", "show what happened to a job", showLog},
 		"workers": {"[flags]", "list workers", listWorkers},
+		"token":   {"read|submit|admin USER", "make a token for metrofarm serve --tokens", makeToken},
+		"certs":   {"DIR [flags]", "make certificates for trying TLS out", makeCertificates},
 		"version": {"", "print the version", printVersion},
 	}
 }

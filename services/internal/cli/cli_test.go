@@ -14,6 +14,7 @@ import (
 
 	"metrofarm/services/internal/api"
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/exr"
 	"metrofarm/services/internal/fakefarm"
@@ -56,17 +57,18 @@ func newBench(t *testing.T, worker string) *bench {
 			t.Fatal(err)
 		}
 	}
-	blobs, err := blob.Open(t.TempDir())
+	backend, err := dir.Open(t.TempDir())
 	if err != nil {
 		t.Fatal(err)
 	}
 	b.farm = &fakeLocal{
 		Farm:    fakefarm.New(nil),
-		library: bundle.NewLibrary(blobs, bundle.DefaultLimits(), t.TempDir()), failed: make(chan error, 1),
+		library: bundle.NewLibrary(blob.New(backend), bundle.DefaultLimits(), t.TempDir()), failed: make(chan error, 1),
 	}
 	b.env = Env{
 		Stdout: &b.stdout, Stderr: &b.stderr, CPUs: 8, Now: time.Now, Interrupts: b.interrupts, Version: "test",
-		Getenv: func(name string) string { return map[string]string{"METROFARM_WORKER": program}[name] },
+		Getenv:  func(name string) string { return map[string]string{"METROFARM_WORKER": program}[name] },
+		Hangups: func() <-chan os.Signal { return nil },
 		StartFarm: func(_ context.Context, options FarmOptions) (Farm, error) {
 			b.farm.options = options
 			return b.farm, nil
@@ -215,14 +217,20 @@ func TestUsageErrors(t *testing.T) {
 		"invalid value":                {"render", b.scene, "-o", "x.exr", "--seed", "-1"},
 		"there is no folder":           {"render", b.scene, "-o", b.path("no/x.exr")},
 		"is a folder":                  {"render", b.scene, "-o", b.dir},
-		"other machines":               {"serve", "--listen", "0.0.0.0:8080"},
-		"no access control":            {"serve", "--farm-listen", ":7070"},
+		"needs --tokens":               {"serve", "--listen", "0.0.0.0:8080"},
+		"needs --farm-tls-cert":        {"serve", "--farm-listen", ":7070"},
 		"want HOST:PORT":               {"serve", "--listen", "8080"},
-		"redis://x is not available":   {"serve", "--store", "redis://x"},
+		"--store: is \"sqlite\"":       {"serve", "--store", "sqlite"},
+		"--store: redis":               {"serve", "--store", "redis://x/database"},
+		"say with --advertise":         {"serve", "--store", "redis://x", "--listen", "0.0.0.0:80", "--insecure"},
+		"--advertise: want":            {"serve", "--advertise", "ftp://x"},
 		"there is no command":          {"rendre"},
 		"which command":                {},
 		"--server":                     {"jobs", "--server", "nonsense"},
 		"usage: metrofarm cancel ID..": {"cancel"},
+		"Give --priority or --name":    {"change", "j1"},
+		"want a whole number":          {"change", "j1", "--priority", "high"},
+		"priority: is 101":             {"submit", b.scene, "--priority", "101"},
 	}
 	for want, arguments := range cases {
 		b.stderr.Reset()

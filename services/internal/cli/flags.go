@@ -103,6 +103,13 @@ func (r *requestFlags) register(f *flags) {
 	f.StringVar(&r.resolvedPath, "resolved", "", "repeat an image: `SPEC.json`, the resolved_spec of an earlier job")
 }
 
+// registerStop registers those that say when the job ends.
+func (r *requestFlags) registerStop(f *flags) {
+	for _, option := range job.StopOptions() {
+		r.registerOption(f, option)
+	}
+}
+
 func (r *requestFlags) registerOption(f *flags, option job.Option) {
 	usage := option.Help()
 	if takes := option.Takes(); takes != "" {

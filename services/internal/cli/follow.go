@@ -44,13 +44,14 @@ func (f *follower) follow(ctx context.Context) (job.Snapshot, error) {
 		if err != nil {
 			return f.last, err
 		}
-		if ended {
-			f.reporter.end(f.last)
-			return f.last, outcome(f.last)
-		}
-		// The stream ended before the job did: we were too slow, or the server went away.
+		// The stream ended before the job did: we were too slow, or the server went away. Or the job has
+		// ended, unless that was before it was refined.
 		if f.last, err = f.source.Job(ctx, f.id); err != nil {
 			return f.last, err
+		}
+		if ended && f.last.State.Ended() {
+			f.reporter.end(f.last)
+			return f.last, outcome(f.last)
 		}
 	}
 }

@@ -1,6 +1,7 @@
 package cli
 
 import (
+	"flag"
 	"fmt"
 	"os"
 	"strings"
@@ -66,13 +67,31 @@ func optionTable() string {
 	return table.String()
 }
 
-// TestReadmeHasTheOptions compares; METROFARM_UPDATE=1 writes the README's table anew.
+// serveTable is the table of what serve takes.
+func serveTable(t *testing.T) string {
+	t.Helper()
+	var serve serveFlags
+	f := newFlags("serve", newBench(t, listsScene).env)
+	serve.register(f)
+	var table strings.Builder
+	table.WriteString("| flag | meaning |\n| --- | --- |\n")
+	f.VisitAll(func(one *flag.Flag) {
+		value, usage := flag.UnquoteUsage(one)
+		name := strings.TrimSpace("--" + one.Name + " " + value)
+		fmt.Fprintf(&table, "| `%s` | %s |\n", name, strings.TrimPrefix(usage, value+": "))
+	})
+	return table.String()
+}
+
+// TestReadmeHasTheOptions compares; METROFARM_UPDATE=1 writes the README's tables anew.
 func TestReadmeHasTheOptions(t *testing.T) {
-	const (
-		readme = "../../../README.md"
-		begin  = "<!-- options: generated from services/internal/job -->\n"
-		end    = "<!-- end of options -->\n"
-	)
+	compareReadme(t, "<!-- options: generated from services/internal/job -->\n", "<!-- end of options -->\n", optionTable())
+	compareReadme(t, "<!-- serve: generated from services/internal/cli -->\n", "<!-- end of serve -->\n", serveTable(t))
+}
+
+func compareReadme(t *testing.T, begin, end, table string) {
+	t.Helper()
+	const readme = "../../../README.md"
 	content, err := os.ReadFile(readme)
 	if err != nil {
 		t.Fatal(err)
@@ -80,12 +99,12 @@ func TestReadmeHasTheOptions(t *testing.T) {
 	before, rest, found := strings.Cut(string(content), begin)
 	old, after, closed := strings.Cut(rest, end)
 	if !found || !closed {
-		t.Fatalf("%s has no place for the options", readme)
+		t.Fatalf("%s has no place for %s", readme, begin)
 	}
 	switch {
-	case old == optionTable():
+	case old == table:
 	case os.Getenv("METROFARM_UPDATE") != "":
-		err = os.WriteFile(readme, []byte(before+begin+optionTable()+end+after), 0o600)
+		err = os.WriteFile(readme, []byte(before+begin+table+end+after), 0o600)
 	default:
 		t.Errorf("the options in %s are not those of the program: run this test with METROFARM_UPDATE=1", readme)
 	}

@@ -1,43 +1,80 @@
 package cli
 
 import (
+	"cmp"
 	"context"
 	"errors"
 	"fmt"
 	"io"
+	"os"
+	"strconv"
+	"strings"
 	"text/tabwriter"
 	"time"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/client"
 	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/tlsconf"
 )
 
 const (
 	defaultServer  = "http://127.0.0.1:8080"
 	serverVariable = "METROFARM_SERVER"
+	tokenVariable  = "METROFARM_TOKEN"
 )
 
 // remoteFlags are what all commands share that speak to a server.
 type remoteFlags struct {
-	server string
-	json   bool
+	env                   Env
+	server, ca, tokenFile string
+	json                  bool
 }
 
 func (r *remoteFlags) register(f *flags) {
+	r.env = f.env
 	server := f.env.Getenv(serverVariable)
 	if server == "" {
 		server = defaultServer
 	}
 	f.StringVar(&r.server, "server", server, "`URL` of the coordinator; default: "+serverVariable+" or "+defaultServer)
+	f.StringVar(&r.tokenFile, "token-file", "", "`FILE` with the token; default: the token in "+tokenVariable)
+	f.StringVar(&r.ca, "ca", "", "trust servers that the authority of `FILE` has signed, and no others")
 	f.BoolVar(&r.json, "json", false, "print JSON")
 }
 
 func (r *remoteFlags) connect() (*client.Client, error) {
-	c, err := client.New(r.server)
+	token, err := r.token()
+	if err != nil {
+		return nil, err
+	}
+	options := client.Options{Token: token}
+	if r.ca != "" {
+		if options.TLS, err = tlsconf.Client(r.ca); err != nil {
+			return nil, fmt.Errorf("--ca: %w", err)
+		}
+	}
+	c, err := client.New(r.server, options)
 	if err != nil {
 		return nil, usagef("--server: %v", err)
 	}
 	return c, nil
+}
+
+// token is never an argument: other users of this machine see those.
+func (r *remoteFlags) token() (string, error) {
+	if r.tokenFile == "" {
+		return strings.TrimSpace(r.env.Getenv(tokenVariable)), nil
+	}
+	if err := auth.CheckPrivate(r.tokenFile); err != nil {
+		return "", fmt.Errorf("--token-file: %w", err)
+	}
+	content, err := os.ReadFile(r.tokenFile)
+	if err != nil {
+		return "", fmt.Errorf("--token-file: %w", err)
+	}
+	token, _, _ := strings.Cut(strings.TrimSpace(string(content)), "\n") // metrofarm token writes a second line
+	return strings.TrimSpace(token), nil
 }
 
 // remoteCommand parses the flags of a simple command and connects.
@@ -71,10 +108,10 @@ func listJobs(ctx context.Context, env Env, arguments []string) error {
 	if r.json {
 		return writeJSON(env.Stdout, jobs)
 	}
-	return table(env.Stdout, "ID\tNAME\tSTATE\tDONE\tROUNDS\tRELMSE\tCREATED", func(w io.Writer) {
+	return table(env.Stdout, "ID\tNAME\tUSER\tPRIORITY\tSTATE\tQUEUE\tDONE\tROUNDS\tRELMSE\tCREATED", func(w io.Writer) {
 		for _, s := range jobs {
-			fmt.Fprintf(w, "%s\t%s\t%s\t%d%%\t%d\t%s\t%s\n", s.ID, s.Request.Name, stateText(s), percent(s),
-				s.RoundsDone, relMSEText(s), s.CreatedAt.Local().Format(time.DateTime))
+			fmt.Fprintf(w, "%s\t%s\t%s\t%d\t%s\t%s\t%d%%\t%d\t%s\t%s\n", s.ID, s.Request.Name, cmp.Or(s.User, "-"), s.Request.Priority,
+				stateText(s), queueText(s), percent(s), s.RoundsDone, relMSEText(s), s.CreatedAt.Local().Format(time.DateTime))
 		}
 	})
 }
@@ -84,6 +121,14 @@ func stateText(s job.Snapshot) string {
 		return string(s.State) + " (paused)"
 	}
 	return string(s.State)
+}
+
+// queueText is the place in the queue of a job that waits for workers.
+func queueText(s job.Snapshot) string {
+	if s.QueuePosition == 0 {
+		return "-"
+	}
+	return strconv.Itoa(s.QueuePosition)
 }
 
 func relMSEText(s job.Snapshot) string {
@@ -113,6 +158,10 @@ func showJob(ctx context.Context, env Env, arguments []string) error {
 		return writeJSON(env.Stdout, s)
 	}
 	fmt.Fprintf(env.Stdout, "%s  %s\n%s\n", s.ID, s.Request.Name, progressLine(s))
+	fmt.Fprintln(env.Stdout, "priority:", s.Request.Priority)
+	if s.QueuePosition > 0 {
+		fmt.Fprintln(env.Stdout, "place in the queue:", s.QueuePosition)
+	}
 	if s.Error != "" {
 		fmt.Fprintln(env.Stdout, "error:", s.Error)
 	}
@@ -135,20 +184,54 @@ func act(action string) func(context.Context, Env, []string) error {
 		if err != nil {
 			return ignoreHelp(err)
 		}
-		var failures []error
-		for _, id := range ids {
-			s, err := c.Act(ctx, id, action)
-			switch {
-			case err != nil:
-				failures = append(failures, err)
-			case r.json:
-				failures = append(failures, writeJSON(env.Stdout, s))
-			default:
-				fmt.Fprintf(env.Stdout, "%s  %s\n", s.ID, stateText(s))
-			}
-		}
-		return errors.Join(failures...)
+		return r.toEach(ids, func(id string) (job.Snapshot, error) { return c.Act(ctx, id, action) }, stateText)
 	}
+}
+
+// toEach does something to each job and prints what became of it; one that fails does not keep it from
+// the others.
+func (r *remoteFlags) toEach(ids []string, do func(id string) (job.Snapshot, error), text func(job.Snapshot) string) error {
+	var failures []error
+	for _, id := range ids {
+		s, err := do(id)
+		switch {
+		case err != nil:
+			failures = append(failures, err)
+		case r.json:
+			failures = append(failures, writeJSON(r.env.Stdout, s))
+		default:
+			fmt.Fprintf(r.env.Stdout, "%s  %s\n", s.ID, text(s))
+		}
+	}
+	return errors.Join(failures...)
+}
+
+func changeJobs(ctx context.Context, env Env, arguments []string) error {
+	patch := make(map[string]any)
+	r, c, ids, err := remoteCommand(env, "change", arguments, 1, -1, func(f *flags) {
+		f.Func("priority", "`N` from -100 to 100: jobs of higher priority go first", func(text string) error {
+			n, err := strconv.Atoi(text)
+			if err != nil {
+				return errors.New("want a whole number")
+			}
+			patch["priority"] = n
+			return nil
+		})
+		f.Func("name", "`TEXT` that people know the job by", func(text string) error {
+			patch["name"] = text
+			return nil
+		})
+	})
+	switch {
+	case err != nil:
+		return ignoreHelp(err)
+	case len(patch) == 0:
+		return usagef("change: what? Give --priority or --name")
+	}
+	return r.toEach(ids, func(id string) (job.Snapshot, error) { return c.Change(ctx, id, patch) },
+		func(s job.Snapshot) string {
+			return fmt.Sprintf("%s  priority %d  %s", stateText(s), s.Request.Priority, s.Request.Name)
+		})
 }
 
 func listWorkers(ctx context.Context, env Env, arguments []string) error {

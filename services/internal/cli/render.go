@@ -49,8 +49,12 @@ func (r *renderFlags) check() error {
 		return usagef("--workers: render needs at least one")
 	}
 	if r.listen != "" {
-		if err := checkListen(r.listen, false); err != nil {
+		local, err := isLocal(r.listen)
+		if err != nil {
 			return err
+		}
+		if !local {
+			return usagef("--listen %s can be reached by other machines; use 127.0.0.1, or metrofarm serve with --tokens", r.listen)
 		}
 	}
 	return errors.Join(checkOutputs(r.out, r.stats, r.png), r.finish())
@@ -81,7 +85,7 @@ func render(ctx context.Context, env Env, arguments []string) error {
 	}
 	defer remove()
 	farm, err := env.StartFarm(ctx, FarmOptions{
-		DataDir: data, Listen: r.listen, LocalOnly: true, FarmListen: "127.0.0.1:0",
+		DataDir: data, Storage: defaultStorage(data), Listen: r.listen, LocalOnly: true, FarmListen: "127.0.0.1:0",
 		Workers: r.workers, Threads: threadsPerWorker(env.CPUs, r.threads, r.workers),
 		WorkerProgram: program, OneJob: true, Version: env.Version, Logger: logger(env.Stderr, r.verbose),
 	})

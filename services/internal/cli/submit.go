@@ -18,19 +18,30 @@ import (
 	"metrofarm/services/internal/job"
 )
 
+// resultFlags say what to do about a job that was started.
+type resultFlags struct {
+	remoteFlags
+	out        string
+	half, wait bool
+}
+
+func (r *resultFlags) register(f *flags) {
+	r.remoteFlags.register(f)
+	f.StringVar(&r.out, "o", "", "wait, then write the image to `OUT.exr`")
+	f.BoolVar(&r.half, "half", false, "store 16-bit floats")
+	f.BoolVar(&r.wait, "wait", false, "wait until the job has ended")
+}
+
 type submitFlags struct {
 	requestFlags
-	remoteFlags
-	out, entry, key string
-	half, wait      bool
+	resultFlags
+	entry, key string
 }
 
 func (s *submitFlags) register(f *flags) {
 	s.requestFlags.register(f)
-	s.remoteFlags.register(f)
-	f.StringVar(&s.out, "o", "", "wait, then write the image to `OUT.exr`")
-	f.BoolVar(&s.half, "half", false, "store 16-bit floats")
-	f.BoolVar(&s.wait, "wait", false, "wait until the job has ended")
+	s.resultFlags.register(f)
+	f.IntVar(&s.request.Priority, "priority", 0, "`N` from -100 to 100: jobs of higher priority go first; default 0")
 	f.BoolVar(&s.request.InspectOnly, "inspect-only", false, "have a worker look at the scene; render nothing")
 	f.StringVar(&s.entry, "entry", "", "`PATH` of the scene file in a bundle that has several")
 	f.StringVar(&s.key, "idempotency-key", "", "`KEY` that makes repeating this command safe")
@@ -64,6 +75,11 @@ func submit(ctx context.Context, env Env, arguments []string) error {
 	if err != nil {
 		return err
 	}
+	return s.show(ctx, env, c, snapshot)
+}
+
+// show waits for a job if that is asked for, and prints what it is.
+func (s *resultFlags) show(ctx context.Context, env Env, c *client.Client, snapshot job.Snapshot) error {
 	if !s.wait && s.out == "" {
 		return s.print(env, snapshot)
 	}
@@ -71,7 +87,7 @@ func submit(ctx context.Context, env Env, arguments []string) error {
 	return s.await(ctx, env, c, snapshot.ID)
 }
 
-func (s *submitFlags) print(env Env, snapshot job.Snapshot) error {
+func (s *resultFlags) print(env Env, snapshot job.Snapshot) error {
 	if s.json {
 		return writeJSON(env.Stdout, snapshot)
 	}
@@ -79,7 +95,7 @@ func (s *submitFlags) print(env Env, snapshot job.Snapshot) error {
 	return err
 }
 
-func (s *submitFlags) await(ctx context.Context, env Env, c *client.Client, id string) error {
+func (s *resultFlags) await(ctx context.Context, env Env, c *client.Client, id string) error {
 	watch := &follower{
 		source: c, id: id, interrupts: env.Interrupts,
 		reporter: &reporter{w: env.Stderr, terminal: env.Terminal},

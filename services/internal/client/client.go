@@ -4,6 +4,7 @@ package client
 import (
 	"bytes"
 	"context"
+	"crypto/tls"
 	"encoding/json"
 	"errors"
 	"fmt"
@@ -19,20 +20,36 @@ import (
 
 // Client of one coordinator. Its methods may be called from several goroutines.
 type Client struct {
-	base string // without a slash at its end
-	http *http.Client
+	base  string // without a slash at its end
+	token string
+	http  *http.Client
+}
+
+// Options of a client; the zero value has neither token nor TLS of its own.
+type Options struct {
+	// Token that requests bring; empty: none.
+	Token string
+	// TLS trusts the server; nil: what this machine trusts.
+	TLS *tls.Config
 }
 
 // New makes a client of the coordinator at server, for example "http://127.0.0.1:8080".
-func New(server string) (*Client, error) {
+func New(server string, options Options) (*Client, error) {
 	base, err := url.Parse(server)
 	if err != nil {
 		return nil, fmt.Errorf("server %q: %w", server, err)
 	}
 	if (base.Scheme != "http" && base.Scheme != "https") || base.Host == "" {
-		return nil, fmt.Errorf("server %q: want http://HOST:PORT", server)
+		return nil, fmt.Errorf("server %q: want http://HOST:PORT or https://HOST:PORT", server)
 	}
-	return &Client{base: strings.TrimSuffix(base.String(), "/"), http: &http.Client{CheckRedirect: stay}}, nil
+	transport := http.DefaultTransport.(*http.Transport).Clone()
+	if options.TLS != nil {
+		transport.TLSClientConfig = options.TLS
+	}
+	return &Client{
+		base: strings.TrimSuffix(base.String(), "/"), token: options.Token,
+		http: &http.Client{CheckRedirect: stay, Transport: transport},
+	}, nil
 }
 
 // stay makes redirections errors: the interface has none, and a body could not be sent twice.
@@ -77,6 +94,9 @@ func (c *Client) do(ctx context.Context, method, path string, body io.Reader, he
 	}
 	for name, values := range header {
 		request.Header[name] = values
+	}
+	if c.token != "" {
+		request.Header.Set("Authorization", "Bearer "+c.token)
 	}
 	response, err := c.http.Do(request)
 	if err != nil {
@@ -173,6 +193,32 @@ func (c *Client) Jobs(ctx context.Context, limit int) ([]job.Snapshot, error) {
 // Act does one of cancel, pause, resume and finish.
 func (c *Client) Act(ctx context.Context, id, action string) (job.Snapshot, error) {
 	return call[job.Snapshot](ctx, c, http.MethodPost, jobPath(id, "/", action), nil, nil)
+}
+
+// Change changes the name or the priority of a job: those that patch, a JSON merge patch, has.
+func (c *Client) Change(ctx context.Context, id string, patch map[string]any) (job.Snapshot, error) {
+	body, err := json.Marshal(patch)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	header := http.Header{"Content-Type": {"application/merge-patch+json"}}
+	return call[job.Snapshot](ctx, c, http.MethodPatch, jobPath(id), bytes.NewReader(body), header)
+}
+
+// Refine lets a job that has ended go on until these rules end it.
+func (c *Client) Refine(ctx context.Context, id string, stop job.StopRules) (job.Snapshot, error) {
+	body, err := json.Marshal(stop)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	header := http.Header{"Content-Type": {"application/json"}}
+	return call[job.Snapshot](ctx, c, http.MethodPost, jobPath(id, "/refine"), bytes.NewReader(body), header)
+}
+
+// Log copies a job's log, from after that record on, to w: lines of text, or of JSON.
+func (c *Client) Log(ctx context.Context, id string, after uint64, format string, w io.Writer) error {
+	query := url.Values{"after": {strconv.FormatUint(after, 10)}, "format": {format}}
+	return c.Download(ctx, id, "log?"+query.Encode(), w)
 }
 
 // Cancel ends a job.

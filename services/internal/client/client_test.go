@@ -10,6 +10,7 @@ import (
 
 	"metrofarm/services/internal/api"
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/client"
 	"metrofarm/services/internal/fakefarm"
@@ -19,16 +20,20 @@ import (
 // connect starts the real REST interface over a fake farm.
 func connect(t *testing.T) (*fakefarm.Farm, *client.Client) {
 	t.Helper()
-	blobs, err := blob.Open(t.TempDir())
+	backend, err := dir.Open(t.TempDir())
 	if err != nil {
 		t.Fatal(err)
 	}
 	farm := fakefarm.New(nil)
-	server := httptest.NewServer(api.NewHandler(api.Options{
-		Service: farm, Scenes: bundle.NewLibrary(blobs, bundle.DefaultLimits(), t.TempDir()),
-	}))
+	handler, err := api.NewHandler(api.Options{
+		Service: farm, Scenes: bundle.NewLibrary(blob.New(backend), bundle.DefaultLimits(), t.TempDir()),
+	})
+	if err != nil {
+		t.Fatal(err)
+	}
+	server := httptest.NewServer(handler)
 	t.Cleanup(server.Close)
-	c, err := client.New(server.URL)
+	c, err := client.New(server.URL, client.Options{})
 	if err != nil {
 		t.Fatal(err)
 	}
@@ -120,13 +125,13 @@ func TestUploadAndWorkers(t *testing.T) {
 
 func TestForeignServers(t *testing.T) {
 	for _, wrong := range []string{"", "localhost:8080", "ftp://x", "http://"} {
-		if _, err := client.New(wrong); err == nil {
+		if _, err := client.New(wrong, client.Options{}); err == nil {
 			t.Errorf("%q was accepted", wrong)
 		}
 	}
 	server := httptest.NewServer(http.NotFoundHandler())
 	defer server.Close()
-	c, err := client.New(server.URL)
+	c, err := client.New(server.URL, client.Options{})
 	if err != nil {
 		t.Fatal(err)
 	}

@@ -2,6 +2,7 @@ package coordinator
 
 import (
 	"fmt"
+	"log/slog"
 	"slices"
 	"strings"
 
@@ -34,7 +35,7 @@ import (
 
 // distrusts tells whether nothing is taken from, or leased to, a worker. Requires: mu.
 func (r *run) distrusts(worker string) bool {
-	return r.checks.suspects[worker] || r.c.excluded()[worker]
+	return r.checks.suspects[worker] || r.c.isExcluded(worker)
 }
 
 // hear compares a batch with what other workers rendered its segments to, and acts on it. It
@@ -73,7 +74,7 @@ func (r *run) testify(h *heldBatch, key segmentKey, worker string, mark round.Ma
 		c = r.openCase(h, key) // seen twice by chance
 	}
 	c.Hear(worker, mark)
-	r.table.Bar(checkTask(r.id, key), worker)
+	r.table.Bar(r.checkTask(key), worker)
 	return r.rule(h, key, c)
 }
 
@@ -137,7 +138,7 @@ func (r *run) exclude(worker, evidence string) {
 	reason := fmt.Sprintf("job %s: %s; %d other segments of the worker were counted unchecked in this job",
 		r.id, evidence, r.checks.unchecked[worker])
 	r.c.exclude(worker, reason)
-	r.publish("fault", fmt.Sprintf("worker %s is excluded: %s", r.c.describe(worker), evidence), nil)
+	r.publish("fault", fmt.Sprintf("worker %s is excluded: %s", r.c.describe(worker), evidence), nil, slog.String("worker", worker))
 	r.expel(worker)
 	r.save()
 }
@@ -153,7 +154,7 @@ func (r *run) expel(worker string) {
 			r.drop(h)
 		}
 	}
-	r.table.ReleaseWorker(worker)
+	r.c.metrics.released.Add(float64(r.table.ReleaseWorker(worker)))
 	if n := r.checks.unchecked[worker]; n > 0 {
 		delete(r.checks.unchecked, worker)
 		r.warn(fmt.Sprintf("%d segments of worker %s, which was found to render wrong, are in the image unchecked; "+
@@ -234,10 +235,11 @@ func (r *run) pauseUndecided(h *heldBatch) {
 func (r *run) release(h *heldBatch, overdue bool) {
 	workers := r.c.renderers(r.spec.GetWorkerVersion())
 	for key := range h.cases {
-		suits := func(worker string) bool { return r.table.Suits(checkTask(r.id, key), worker) }
+		suits := func(worker string) bool { return r.table.Suits(r.checkTask(key), worker) }
 		if overdue || !slices.ContainsFunc(workers, suits) {
 			r.closeCase(h, key)
-			r.publish("fault", fmt.Sprintf("segment %d of round %d stays unchecked: no second worker rendered it", key.segment, key.round), nil)
+			r.publish("fault", fmt.Sprintf("segment %d of round %d stays unchecked: no second worker rendered it", key.segment, key.round), nil,
+				slog.Int("round", key.round), slog.Int("segment", key.segment))
 		}
 	}
 	if len(h.cases) == 0 {

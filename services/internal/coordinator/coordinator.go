@@ -4,7 +4,8 @@
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
 // and film. run.mu is taken before Coordinator.mu, never after it. Whole-film work (folding a
 // round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the one
-// housekeeping goroutine that Run owns.
+// housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
+// over jobs without owner (ownership.go).
 package coordinator
 
 import (
@@ -14,13 +15,18 @@ import (
 	"errors"
 	"fmt"
 	"log/slog"
+	"slices"
 	"sync"
 	"sync/atomic"
 	"time"
 
 	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/check"
+	"metrofarm/services/internal/fairness"
 	"metrofarm/services/internal/film"
+	"metrofarm/services/internal/flow"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/store"
 )
 
@@ -29,6 +35,12 @@ type Options struct {
 	Store  store.Store
 	Blobs  *blob.Store
 	Logger *slog.Logger
+	// Member tells others where this coordinator is; an empty ID is replaced.
+	Member store.Member
+	// OwnershipTTL is how long this coordinator owns its jobs after it was last heard of.
+	OwnershipTTL time.Duration
+	// Limits on what one job may take.
+	Limits plan.Limits
 	// Now is the clock.
 	Now func() time.Time
 	// NewID returns unguessable text for identities.
@@ -39,26 +51,41 @@ type Options struct {
 	Tick time.Duration
 	// CheckpointMin and CheckpointMax bound the time between two checkpoints of a job.
 	CheckpointMin, CheckpointMax time.Duration
-	// Deliveries is how many batches are unpacked at a time; more wait.
+	// Deliveries is how many batches are read at a time; more wait.
 	Deliveries int
+	// MergeBudget is the memory, in bytes, of batches that are being read or held.
+	MergeBudget int64
+	// InboundBytes is what all workers together should deliver per second at most.
+	InboundBytes int64
 	// CheckOneIn is the reciprocal of the share of segments that are rendered twice where two workers
 	// exist, negative for none. The image does not depend on it.
 	CheckOneIn int
 	// CheckPatience is how long a batch is held for another worker to confirm it, or for a third to
 	// decide between two.
 	CheckPatience time.Duration
+	// Quarantine is how long a worker gets no leases after a batch whose film does not fit its own
+	// digests; twice as long after each further one.
+	Quarantine time.Duration
 }
 
 // Defaults: a lost worker's segments are leased again within 15 s (the time to live, one tick, and
 // a waiting lease call's wake-up).
 const (
 	defaultTTL           = 12 * time.Second
+	defaultOwnershipTTL  = 6 * time.Second // renewed every third of it
 	defaultHeartbeat     = 3 * time.Second
 	defaultTick          = 200 * time.Millisecond
 	defaultCheckpointMin = 2 * time.Second
 	defaultCheckpointMax = 60 * time.Second
 	defaultDeliveries    = 8
 	defaultCheckPatience = 2 * time.Minute
+	defaultQuarantine    = time.Second
+)
+
+// Defaults of what batches may take.
+const (
+	DefaultMergeBudget  = int64(1) << 30
+	DefaultInboundBytes = int64(64) << 20
 )
 
 func (o *Options) setDefaults() {
@@ -71,14 +98,19 @@ func (o *Options) setDefaults() {
 	if o.NewID == nil {
 		o.NewID = randomID
 	}
+	setDefault(&o.Member.ID, "c-"+o.NewID())
+	setDefault(&o.OwnershipTTL, defaultOwnershipTTL)
 	setDefault(&o.LeaseTTL, defaultTTL)
 	setDefault(&o.Heartbeat, defaultHeartbeat)
 	setDefault(&o.Tick, defaultTick)
 	setDefault(&o.CheckpointMin, defaultCheckpointMin)
 	setDefault(&o.CheckpointMax, defaultCheckpointMax)
 	setDefault(&o.Deliveries, defaultDeliveries)
+	setDefault(&o.MergeBudget, DefaultMergeBudget)
+	setDefault(&o.InboundBytes, DefaultInboundBytes)
 	setDefault(&o.CheckOneIn, check.OneIn)
 	setDefault(&o.CheckPatience, defaultCheckPatience)
+	setDefault(&o.Quarantine, defaultQuarantine)
 }
 
 func setDefault[T comparable](value *T, fallback T) {
@@ -94,30 +126,40 @@ func randomID() string {
 	return hex.EncodeToString(b[:])
 }
 
-// Coordinator is one owner of jobs. Its methods may be called from several goroutines.
+// Coordinator owns jobs, and shows those of others as they were last stored. Its methods may be called from several goroutines.
 type Coordinator struct {
 	options Options
 	log     *slog.Logger
 	codec   *film.Codec
 	metrics *metrics
-	epoch   uint64 // of the claim on the store
+	down    atomic.Bool // the store did not answer, and has not since
 	leases  atomic.Uint32
-	slots   chan struct{} // deliveries being unpacked
+	slots   chan struct{} // deliveries being read
+	merging *flow.Queue
 	kick    chan struct{} // housekeeping has something to do
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
 
 	submitMu sync.Mutex // taken before all others
+	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
 
 	mu      sync.Mutex
-	jobs    map[string]*run
-	order   []*run // by creation
+	jobs    map[string]*run // that this coordinator owns
+	order   []*run          // the same, by creation
+	moved   []*run          // not owned any more, their streams are still open
+	ended   map[job.State]int
+	beatAt  time.Time // of the last answered beat
 	workers map[string]*worker
 	changed chan struct{} // closed and replaced when there may be new work
+
+	// The queue (queue.go).
+	usage     fairness.Ledger
+	usualCost float64        // CPU time of a task of any job, in seconds
+	standings []fairness.Job // of the jobs in order; reused
 }
 
-// New claims the store and recovers its jobs: those that had not ended go on from their last
-// checkpoint once Run is called.
+// New makes a coordinator a member of the store. Jobs without owner go on from their last checkpoint
+// once Run is called.
 func New(ctx context.Context, options Options) (*Coordinator, error) {
 	if options.Store == nil || options.Blobs == nil {
 		return nil, errors.New("coordinator: Store and Blobs are required")
@@ -127,37 +169,56 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 	if err != nil {
 		return nil, err
 	}
-	epoch, err := options.Store.Claim(ctx)
-	if err != nil {
-		return nil, fmt.Errorf("coordinator: %w", err)
-	}
 	c := &Coordinator{
-		options: options, log: options.Logger, codec: codec, epoch: epoch,
+		options: options, log: options.Logger.With("coordinator", options.Member.ID), codec: codec,
 		slots:   make(chan struct{}, options.Deliveries),
+		merging: flow.NewQueue(options.MergeBudget),
 		kick:    make(chan struct{}, 1),
 		stopped: make(chan struct{}),
 		broken:  make(chan error, 1),
 		jobs:    make(map[string]*run),
+		ended:   make(map[job.State]int),
 		workers: make(map[string]*worker),
 		changed: make(chan struct{}),
+
+		usualCost: firstCost,
 	}
 	c.metrics = newMetrics(c)
-	if err := c.recover(ctx); err != nil {
-		return nil, fmt.Errorf("coordinator: recover: %w", err)
+	if err := c.beat(ctx); err != nil {
+		return nil, fmt.Errorf("coordinator: %w", err)
 	}
 	return c, nil
 }
 
-// Run does the housekeeping until ctx ends, then writes the last checkpoints and ends all event
-// streams. It fails if the store does, or if another coordinator claimed it.
+// Run does the housekeeping until ctx ends, then writes the last checkpoints, ends all event streams
+// and releases the jobs. It fails if the store does; an outage of the store it waits out.
 func (c *Coordinator) Run(ctx context.Context) error {
 	defer close(c.stopped)
+	taking, stopTaking := context.WithCancel(ctx)
+	beating, stopBeating := context.WithCancel(context.WithoutCancel(ctx))
+	var takes, beats sync.WaitGroup
+	takes.Go(func() { c.takeJobs(taking) })
+	beats.Go(func() { c.keepLeases(beating) })
+	err := c.keepHouse(ctx)
+	stopTaking()
+	takes.Wait()
+	if err == nil {
+		c.shutDown()
+	}
+	stopBeating()
+	beats.Wait()
+	if err == nil {
+		c.leave()
+	}
+	return err
+}
+
+func (c *Coordinator) keepHouse(ctx context.Context) error {
 	ticker := time.NewTicker(c.options.Tick)
 	defer ticker.Stop()
 	for {
 		select {
 		case <-ctx.Done():
-			c.shutDown()
 			return nil
 		case err := <-c.broken:
 			return fmt.Errorf("coordinator: %w", err)
@@ -170,7 +231,7 @@ func (c *Coordinator) Run(ctx context.Context) error {
 
 func (c *Coordinator) shutDown() {
 	for _, r := range c.runs() {
-		if r.checkpointDue(true) {
+		if !c.suspended() && r.catchUp() && r.checkpointDue(true) {
 			r.checkpoint()
 		}
 		r.closeStreams()
@@ -186,11 +247,6 @@ func (c *Coordinator) fatal(err error) {
 	}
 }
 
-// nextEpoch grows over restarts: the claim's epoch is its high part.
-func (c *Coordinator) nextEpoch() uint64 {
-	return c.epoch<<32 | uint64(c.leases.Add(1))
-}
-
 // runs lists the jobs in order of creation.
 func (c *Coordinator) runs() []*run {
 	c.mu.Lock()
@@ -198,10 +254,17 @@ func (c *Coordinator) runs() []*run {
 	return append([]*run(nil), c.order...)
 }
 
-// announce wakes the waiting lease calls.
+// announce wakes the waiting lease calls if there is work for them.
 func (c *Coordinator) announce() {
 	c.mu.Lock()
 	defer c.mu.Unlock()
+	if slices.ContainsFunc(c.order, (*run).waits) {
+		c.rouse()
+	}
+}
+
+// rouse wakes them in any case. Requires: mu.
+func (c *Coordinator) rouse() {
 	close(c.changed)
 	c.changed = make(chan struct{})
 }

@@ -4,9 +4,15 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"log/slog"
+	"slices"
+	"strings"
 	"time"
 
+	"google.golang.org/protobuf/proto"
+
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
+	"metrofarm/services/internal/flow"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/merge"
 	"metrofarm/services/internal/plan"
@@ -21,34 +27,53 @@ type Delivery struct {
 	header    *farmv1.BatchHeader
 	assembler *merge.Assembler
 	verdict   *farmv1.DeliverResponse // known before the end: the rest is only read, not unpacked
-	held      bool                    // a slot of c.slots
+	begun     bool                    // counted as one of the worker's
+	memory    int64                   // that the merge queue counts for it
+	bytes     int                     // of the tiles so far, packed
 }
 
-// StartDelivery opens a batch. It waits while too many others are being unpacked.
-func (c *Coordinator) StartDelivery(ctx context.Context, in *farmv1.DeliverHeader) (*Delivery, error) {
-	w, err := c.findWorker(in.GetWorkerId())
-	if err != nil {
-		return nil, err
+// ErrBusy: a worker has as many deliveries under way as it may.
+var ErrBusy = fmt.Errorf("%d batches of this worker are not answered yet", flow.MaxInFlight)
+
+// Admit waits until one more batch may be read. Nothing of it need be in memory before.
+func (c *Coordinator) Admit(ctx context.Context) (*Delivery, error) {
+	c.metrics.queueBatches.Inc()
+	select {
+	case c.slots <- struct{}{}:
+		return &Delivery{c: c}, nil
+	case <-ctx.Done():
+		c.metrics.queueBatches.Dec()
+		return nil, ctx.Err()
 	}
-	d := &Delivery{c: c, worker: w, header: in.GetBatch()}
-	c.mu.Lock()
-	d.run = c.jobs[d.header.GetJobId()]
-	c.mu.Unlock()
+}
+
+// Open takes the header in, and waits until there is memory for the tiles.
+func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
+	var err error
+	if d.worker, err = d.c.findWorker(in.GetWorkerId()); err != nil {
+		return err
+	}
+	if d.begun = d.c.merging.Begin(d.worker.id); !d.begun {
+		return ErrBusy
+	}
+	d.header = in.GetBatch()
+	d.c.mu.Lock()
+	d.run = d.c.jobs[d.header.GetJobId()]
+	d.c.mu.Unlock()
 	if d.run == nil {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
-		return d, nil
+		return nil
 	}
 	d.open()
 	if d.verdict != nil {
-		return d, nil
+		return nil
 	}
-	select {
-	case c.slots <- struct{}{}:
-		d.held = true
-		return d, nil
-	case <-ctx.Done():
-		return nil, ctx.Err()
+	memory := int64(proto.Size(d.header)) + merge.UnpackedBytes(int(d.header.GetTileCount()))
+	if err := d.c.merging.Reserve(ctx, memory); err != nil {
+		return err
 	}
+	d.memory = memory
+	return nil
 }
 
 // open checks the header against the job.
@@ -81,6 +106,7 @@ func (d *Delivery) Add(tiles []*farmv1.Tile) {
 	if d.verdict != nil {
 		return
 	}
+	d.countTiles(tiles)
 	if err := d.assembler.Add(tiles); err != nil {
 		d.run.mu.Lock()
 		defer d.run.mu.Unlock()
@@ -91,18 +117,28 @@ func (d *Delivery) Add(tiles []*farmv1.Tile) {
 // Finish merges the batch, or not, and says what became of it. complete is false when the stream
 // broke off: then nothing is merged.
 func (d *Delivery) Finish(complete bool) *farmv1.DeliverResponse {
-	if d.held {
-		defer func() { <-d.c.slots }()
-	}
+	defer d.leave()
 	if d.verdict == nil && complete {
 		d.settle()
-		d.c.announce()
 	}
 	if d.verdict == nil {
 		return nil
 	}
 	d.c.metrics.countBatch(d.verdict.GetOutcome(), len(d.header.GetSegments()))
 	return d.verdict
+}
+
+// leave gives back what the batch took of the coordinator.
+func (d *Delivery) leave() {
+	if d.memory > 0 {
+		d.c.merging.Free(d.memory)
+	}
+	if d.begun {
+		d.c.merging.End(d.worker.id)
+	}
+	<-d.c.slots
+	d.c.metrics.queueBatches.Dec()
+	d.c.announce() // there may be new work, or leases that were withheld
 }
 
 func (d *Delivery) settle() {
@@ -112,13 +148,18 @@ func (d *Delivery) settle() {
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	switch {
+	case r.gone.Load():
+		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job has moved to another coordinator")
+		return
 	case errors.Is(err, merge.ErrDigest):
-		d.conflict(err.Error())
+		d.damaged(err.Error())
 		return
 	case err != nil:
 		d.reject(err.Error())
 		return
-	case r.rec.State != job.Rendering || r.finishing != nil:
+	}
+	r.batchSize.Add(d.bytes + proto.Size(d.header))
+	if r.rec.State != job.Rendering || r.finishing != nil {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
 	}
@@ -131,6 +172,10 @@ func (d *Delivery) settle() {
 // judge requires: run.mu.
 func (d *Delivery) judge(batch *merge.Batch) {
 	r := d.run
+	if !r.current(batch) {
+		d.supersede("a part of it was asked for before the job was refined")
+		return
+	}
 	if _, err := r.state.Judge(batch); err != nil {
 		d.reject(err.Error())
 		return
@@ -161,6 +206,14 @@ func (d *Delivery) judge(batch *merge.Batch) {
 	}
 }
 
+// current tells whether all of a batch was asked for since the job was refined last: rounds may be
+// others now. Requires: mu.
+func (r *run) current(batch *merge.Batch) bool {
+	return !slices.ContainsFunc(batch.Segments, func(s merge.Segment) bool {
+		return !strings.HasPrefix(s.Task, r.taskPrefix())
+	})
+}
+
 // accept counts a batch, or holds it until another worker has confirmed what is to be checked of
 // it. Requires: run.mu; nothing of it was counted.
 func (d *Delivery) accept(batch *merge.Batch) {
@@ -180,15 +233,19 @@ func (d *Delivery) accept(batch *merge.Batch) {
 // supersede requires: run.mu.
 func (d *Delivery) supersede(message string) {
 	for _, s := range d.header.GetSegments() {
-		d.run.table.Release(ref(s.GetLease()), d.worker.id)
+		if d.run.table.Release(ref(s.GetLease()), d.worker.id) {
+			d.c.metrics.released.Inc()
+		}
 	}
 	d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, message)
 }
 
 // conflict requires: run.mu.
-func (d *Delivery) conflict(message string) {
+func (d *Delivery) conflict(message string, more ...slog.Attr) {
 	d.c.flag(d.worker.id)
-	d.run.publish("fault", fmt.Sprintf("worker %s delivered a conflicting batch of round %d: %s", d.worker.name, d.header.GetRound(), message), nil)
+	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
+	d.run.publish("fault", fmt.Sprintf("worker %s delivered a conflicting batch of round %d: %s", d.worker.name, d.header.GetRound(), message), nil,
+		append(about, more...)...)
 	d.blame(message)
 	d.decide(farmv1.Outcome_OUTCOME_CONFLICT, message)
 }

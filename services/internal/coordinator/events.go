@@ -2,6 +2,7 @@ package coordinator
 
 import (
 	"context"
+	"log/slog"
 	"time"
 
 	"metrofarm/services/internal/job"
@@ -19,8 +20,10 @@ const (
 // eventLog is the recent events of a job and who reads along. Guarded by run.mu.
 type eventLog struct {
 	sequence uint64      // of the last event
+	shown    uint64      // sequence of the last event that readers may see
 	recent   []job.Event // of this process, at most store.MaxEvents
 	unsaved  []job.Event // to be stored with the next save
+	hidden   []job.Event // not shown yet: they, or some before them, are not stored
 	streams  map[chan job.Event]struct{}
 	closed   bool
 	// progressAt is when the last progress event was published.
@@ -28,11 +31,15 @@ type eventLog struct {
 }
 
 // publish appends an event. Requires: mu. Progress and image events are for live readers only; the
-// others are stored with the next save.
-func (r *run) publish(kind, message string, point *job.ConvergencePoint) {
+// others are stored with the next save, and shown once they are: what was seen must not be undone by
+// the job's next owner.
+func (r *run) publish(kind, message string, point *job.ConvergencePoint, attributes ...slog.Attr) {
 	log := &r.events
 	log.sequence++
-	e := job.Event{Sequence: log.sequence, Kind: kind, At: r.c.options.Now(), Message: message, Convergence: point}
+	e := job.Event{
+		Sequence: log.sequence, Kind: kind, At: r.c.options.Now(), Message: message, Convergence: point,
+		Coordinator: r.c.options.Member.ID, Epoch: r.epoch, Attributes: mapOf(attributes),
+	}
 	switch kind {
 	case "state", "round", "progress":
 		snapshot := r.snapshot()
@@ -45,16 +52,28 @@ func (r *run) publish(kind, message string, point *job.ConvergencePoint) {
 	if extra := len(log.recent) - store.MaxEvents; extra > 0 {
 		log.recent = append([]job.Event(nil), log.recent[extra:]...)
 	}
-	for stream := range log.streams {
-		select {
-		case stream <- e:
-		default:
-			log.drop(stream)
-		}
+	log.hidden = append(log.hidden, e)
+	if len(log.unsaved) == 0 {
+		log.show()
 	}
 	if log.sequence >= r.rec.Sequence {
 		r.save()
 	}
+}
+
+// show passes hidden events on to those who read along.
+func (l *eventLog) show() {
+	for _, e := range l.hidden {
+		for stream := range l.streams {
+			select {
+			case stream <- e:
+			default:
+				l.drop(stream)
+			}
+		}
+		l.shown = e.Sequence
+	}
+	l.hidden = nil
 }
 
 func (l *eventLog) drop(stream chan job.Event) {
@@ -64,7 +83,7 @@ func (l *eventLog) drop(stream chan job.Event) {
 	}
 }
 
-// since returns the kept events above after: stored ones of earlier processes, then recent ones.
+// since returns the shown events above after: stored ones of earlier processes, then recent ones.
 // Requires: mu.
 func (r *run) since(ctx context.Context, after uint64) ([]job.Event, error) {
 	var events []job.Event
@@ -84,7 +103,7 @@ func (r *run) since(ctx context.Context, after uint64) ([]job.Event, error) {
 		}
 	}
 	for _, e := range r.events.recent {
-		if e.Sequence > after {
+		if e.Sequence > after && e.Sequence <= r.events.shown {
 			events = append(events, e)
 		}
 	}

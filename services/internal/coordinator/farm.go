@@ -3,6 +3,7 @@ package coordinator
 import (
 	"context"
 	"fmt"
+	"math"
 	"regexp"
 	"strings"
 	"time"
@@ -13,6 +14,7 @@ import (
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/bootstrap"
+	"metrofarm/services/internal/flow"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/lease"
 )
@@ -40,14 +42,19 @@ func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*
 	defer c.mu.Unlock()
 	w := c.byInstance(in.GetInstance())
 	if w == nil {
-		w = &worker{id: "w-" + c.options.NewID(), instance: in.GetInstance()}
+		w = &worker{id: workerID(in.GetInstance()), instance: in.GetInstance()}
 		c.workers[w.id] = w
 	}
 	w.name, w.version, w.threads = clip(in.GetName(), maxNameBytes), in.GetVersion(), int(in.GetThreads())
 	w.lastContact = c.options.Now()
 	c.log.Info("worker registered", "worker", w.id, "name", w.name, "version", w.version, "threads", w.threads)
-	return &farmv1.RegisterResponse{WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds()}, nil
+	return &farmv1.RegisterResponse{
+		WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds(), CoordinatorId: c.options.Member.ID,
+	}, nil
 }
+
+// workerID is the same at every coordinator that a worker registers with.
+func workerID(instance string) string { return "w-" + instance[:12] }
 
 func (c *Coordinator) byInstance(instance string) *worker {
 	for _, w := range c.workers {
@@ -65,8 +72,8 @@ func clip(text string, limit int) string {
 	return strings.ToValidUTF8(text, "")
 }
 
-// Lease grants tasks of the oldest job that has any for this worker, waiting for some as long as
-// the worker asks.
+// Lease grants tasks of the first job in the queue that has any for this worker, waiting for some as
+// long as the worker asks.
 func (c *Coordinator) Lease(ctx context.Context, in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, error) {
 	wait := time.Duration(min(max(in.GetWaitSeconds(), 0), maxLeaseWait.Seconds()) * float64(time.Second))
 	deadline := time.NewTimer(wait)
@@ -76,6 +83,10 @@ func (c *Coordinator) Lease(ctx context.Context, in *farmv1.LeaseRequest) (*farm
 	for {
 		changed := c.changes()
 		answer, err := c.tryLease(in)
+		if err == nil && ctx.Err() != nil { // nobody hears the answer
+			c.giveBack(in.GetWorkerId(), refsOf(answer.GetTasks()))
+			return nil, ctx.Err()
+		}
 		if err != nil || len(answer.GetTasks()) > 0 || answer.GetDrain() {
 			return answer, err
 		}
@@ -107,27 +118,61 @@ func (c *Coordinator) tryLease(in *farmv1.LeaseRequest) (*farmv1.LeaseResponse, 
 	if w.draining {
 		return answer, nil
 	}
+	if w.inQuarantine(c.options.Now()) {
+		return answer, nil
+	}
 	limit := int(min(max(in.GetMaxSegments(), 1), maxSegments))
-	for _, r := range c.runs() {
-		if answer.Tasks = r.lease(w, limit); len(answer.Tasks) > 0 {
-			break
-		}
+	grant, copies, withheld := (*run).grant, (*run).grantCopies, c.withholds()
+	if withheld {
+		grant, copies = (*run).grantWithheld, (*run).grantWithheld
+	}
+	r, tasks := c.leaseFirst(w, limit, grant, (*run).waits)
+	if r == nil {
+		now := c.options.Now()
+		r, tasks = c.leaseFirst(w, limit, copies, func(r *run) bool { return r.ripens(now) })
+	}
+	switch {
+	case r != nil:
+		answer.Tasks, answer.SealSeconds = tasks, r.sealSeconds()
+	case withheld && len(c.queue(1, (*run).waits)) > 0:
+		c.metrics.withheld.Inc()
 	}
 	return answer, nil
 }
 
+// granter leases tasks of a job to a worker. Requires: mu.
+type granter func(r *run, w worker, limit int) []lease.Ref
+
+// leaseFirst grants tasks of the first job that has some, of those that want a worker. Most often that
+// is the first of the queue: only if none of the first few has any does it look at all.
+func (c *Coordinator) leaseFirst(w worker, limit int, grant granter, wants func(*run) bool) (*run, []*farmv1.Task) {
+	const few = 8
+	for _, most := range []int{few, math.MaxInt} {
+		queue := c.queue(most, wants)
+		for _, r := range queue {
+			if tasks := r.lease(w, limit, grant); len(tasks) > 0 {
+				return r, tasks
+			}
+		}
+		if len(queue) < most {
+			break
+		}
+	}
+	return nil, nil
+}
+
 // lease grants tasks of this job, none if the worker cannot or need not help.
-func (r *run) lease(w worker, limit int) []*farmv1.Task {
+func (r *run) lease(w worker, limit int, grant granter) []*farmv1.Task {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || r.distrusts(w.id) || !r.accepts(w) {
+	if r.rec.State.Ended() || r.rec.Paused || r.finishing != nil || !r.mayAct() || r.distrusts(w.id) || !r.accepts(w) {
 		return nil
 	}
 	r.expire()
 	if r.rec.State.Ended() {
 		return nil
 	}
-	refs := r.grant(w, limit)
+	refs := grant(r, w, limit)
 	if len(refs) == 0 {
 		return nil
 	}
@@ -138,17 +183,38 @@ func (r *run) lease(w worker, limit int) []*farmv1.Task {
 	if r.spec != nil {
 		r.pin(w.version)
 	}
-	return r.buildTasks(refs, w)
+	r.joined(w)
+	tasks := r.buildTasks(refs, w)
+	r.c.metrics.granted.Add(float64(len(tasks)))
+	return tasks
 }
 
-// grant leases tasks; one that is in dispute with another gets only what may decide other disputes,
-// else workers in dispute could wait for each other. Requires: mu.
+// grant leases waiting tasks; a worker that is in dispute with another gets only what may decide other
+// disputes, else workers in dispute could wait for each other. Requires: mu.
 func (r *run) grant(w worker, limit int) []lease.Ref {
 	now := r.c.options.Now()
 	if r.checks.disputes(w.id) {
 		return r.table.GrantApart(w.id, limit, now)
 	}
-	return r.table.Grant(w.id, limit, r.c.liveWorkers(w.version) <= 1, now)
+	r.table.Linger(2 * (r.sealAfter() - flow.MinSeal))
+	return r.table.Grant(w.id, r.share(w, limit), r.c.liveWorkers(w.version) <= 1, now)
+}
+
+// grantWithheld leases what ends in no batch, and what batches that are held wait for. Requires: mu.
+func (r *run) grantWithheld(w worker, limit int) []lease.Ref {
+	if r.rec.State != job.Rendering {
+		return r.grantCopies(w, limit)
+	}
+	return r.table.GrantApart(w.id, limit, r.c.options.Now())
+}
+
+// grantCopies leases what waits again since leases have run out, or else copies of tasks that straggle.
+// Requires: mu.
+func (r *run) grantCopies(w worker, limit int) []lease.Ref {
+	if granted := r.grant(w, limit); len(granted) > 0 || r.checks.disputes(w.id) {
+		return granted
+	}
+	return r.table.GrantCopies(w.id, limit, r.c.options.Now())
 }
 
 // accepts tells whether the worker's version may render this job. Requires: mu.
@@ -159,7 +225,8 @@ func (r *run) accepts(w worker) bool {
 	}
 	if !r.warned[w.version] {
 		r.warned[w.version] = true
-		r.publish("warning", fmt.Sprintf("worker %s has version %s, this job is rendered by %s", w.name, w.version, pinned), nil)
+		r.publish("warning", fmt.Sprintf("worker %s has version %s, this job is rendered by %s", w.name, w.version, pinned), nil,
+			identity(w)...)
 		r.save()
 	}
 	return false
@@ -180,7 +247,11 @@ func (r *run) buildTasks(refs []lease.Ref, w worker) []*farmv1.Task {
 	bytes := 0
 	for _, ref := range refs {
 		t := &farmv1.Task{TaskId: ref.Task, Epoch: ref.Epoch, JobId: r.id, Scene: scene, Spec: spec}
-		r.fillWork(t, r.tasks[ref.Task])
+		key := r.tasks[ref.Task]
+		if key.phase == job.Rendering {
+			t.Spec = r.state.TaskSpec(key.round)
+		}
+		r.fillWork(t, key)
 		bytes += proto.Size(t)
 		if len(tasks) > 0 && bytes > maxTaskState {
 			r.table.Release(ref, w.id)

@@ -17,10 +17,12 @@ import (
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/coordinator/fakeworker"
 	"metrofarm/services/internal/farm"
 	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/store"
 	"metrofarm/services/internal/store/bolt"
 )
 
@@ -37,9 +39,10 @@ type site struct {
 	dir     string
 	address string
 	tune    func(*coordinator.Options)
+	shared  store.Store // instead of one in dir
 
 	c      *coordinator.Coordinator
-	db     *bolt.Store
+	db     store.Store
 	blobs  *blob.Store
 	server *farm.Server
 	cancel context.CancelFunc
@@ -55,10 +58,13 @@ func newSite(t *testing.T) *site {
 func (s *site) start() {
 	s.t.Helper()
 	var err error
-	s.db, err = bolt.Open(filepath.Join(s.dir, "metrofarm.db"))
+	if s.db = s.shared; s.shared == nil {
+		s.db, err = bolt.Open(filepath.Join(s.dir, "metrofarm.db"), nil)
+		s.check(err)
+	}
+	backend, err := dir.Open(filepath.Join(s.dir, "blobs"))
 	s.check(err)
-	s.blobs, err = blob.Open(filepath.Join(s.dir, "blobs"))
-	s.check(err)
+	s.blobs = blob.New(backend)
 	logger := slog.New(slog.DiscardHandler)
 	if testing.Verbose() && os.Getenv("METROFARM_TEST_LOG") != "" {
 		logger = slog.New(slog.NewTextHandler(os.Stderr, &slog.HandlerOptions{Level: slog.LevelDebug}))
@@ -66,6 +72,7 @@ func (s *site) start() {
 	options := coordinator.Options{
 		Store: s.db, Blobs: s.blobs, Logger: logger,
 		LeaseTTL: testTTL, Heartbeat: testTTL / 4, Tick: 10 * time.Millisecond, CheckpointMin: 20 * time.Millisecond,
+		Quarantine: time.Millisecond,
 	}
 	if s.tune != nil {
 		s.tune(&options)
@@ -89,7 +96,9 @@ func (s *site) stop() {
 	s.server.Stop()
 	s.cancel()
 	<-s.done
-	s.check(s.db.Close())
+	if s.shared == nil {
+		s.check(s.db.Close())
+	}
 }
 
 // kill takes the store away before anything can be saved: all that the next coordinator finds is

@@ -5,15 +5,12 @@ import (
 	"time"
 
 	"metrofarm/services/internal/check"
+	"metrofarm/services/internal/flow"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/merge"
 	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/round"
 )
-
-// maxHeldBytes bounds the packed batches that a job holds; batches beyond it are superseded, which
-// renders their segments again. One batch is always held, whatever its size.
-const maxHeldBytes = 256 << 20
 
 // segmentKey names a segment of a job.
 type segmentKey struct{ round, segment int }
@@ -61,7 +58,10 @@ func newChecks() checks {
 }
 
 // clear forgets all held batches: nobody wants them any more.
-func (k *checks) clear() {
+func (k *checks) clear(queue *flow.Queue) {
+	for _, h := range k.held {
+		queue.Unhold(int64(h.bytes))
+	}
 	k.held = nil
 	clear(k.of)
 	clear(k.proven)
@@ -85,8 +85,8 @@ func (k *checks) disputes(worker string) bool {
 	return false
 }
 
-func checkTask(id string, key segmentKey) string {
-	return segmentTask(id, key.round, key.segment) + "/check"
+func (r *run) checkTask(key segmentKey) string {
+	return r.segmentTask(key.round, key.segment) + "/check"
 }
 
 // toCheck lists the segments of a fresh batch that another worker must confirm: the selected ones,
@@ -107,24 +107,21 @@ func (r *run) toCheck(w worker, batch *merge.Batch) []segmentKey {
 	return selected
 }
 
-// hold keeps a batch and asks other workers for the selected segments. False: there is no room.
+// hold keeps a batch and asks other workers for the selected segments. False: there is no room; its
+// segments must be rendered again.
 // Requires: mu.
 func (r *run) hold(w worker, batch *merge.Batch, selected []segmentKey) bool {
 	h := &heldBatch{
 		worker: w.id, batch: batch, bytes: batch.Pack(), since: r.c.options.Now(),
 		cases: make(map[segmentKey]*check.Case),
 	}
-	total := h.bytes
-	for _, other := range r.checks.held {
-		total += other.bytes
-	}
-	if total > maxHeldBytes && total > h.bytes {
+	if !r.c.merging.Hold(int64(h.bytes)) {
 		return false
 	}
 	r.checks.held = append(r.checks.held, h)
 	for _, s := range batch.Segments {
 		r.checks.of[segmentKey{batch.Round, s.Segment}] = h
-		r.closeTask(segmentTask(r.id, batch.Round, s.Segment))
+		r.closeTask(r.segmentTask(batch.Round, s.Segment))
 	}
 	for _, key := range selected {
 		r.openCase(h, key)
@@ -137,7 +134,7 @@ func (r *run) openCase(h *heldBatch, key segmentKey) *check.Case {
 	c := &check.Case{}
 	c.Hear(h.worker, h.mark(key))
 	h.cases[key] = c
-	id := checkTask(r.id, key)
+	id := r.checkTask(key)
 	r.tasks[id] = taskKey{phase: job.Rendering, round: key.round, segment: key.segment}
 	r.table.PutApart(id, r.segmentOrder(key.round, key.segment))
 	r.table.Bar(id, h.worker)
@@ -147,7 +144,7 @@ func (r *run) openCase(h *heldBatch, key segmentKey) *check.Case {
 // closeCase requires: mu.
 func (r *run) closeCase(h *heldBatch, key segmentKey) {
 	delete(h.cases, key)
-	r.closeTask(checkTask(r.id, key))
+	r.closeTask(r.checkTask(key))
 }
 
 // settle merges a held batch whose cases are all closed. Requires: mu.
@@ -177,6 +174,7 @@ func (r *run) drop(h *heldBatch) {
 }
 
 func (r *run) unhold(h *heldBatch) {
+	r.c.merging.Unhold(int64(h.bytes))
 	r.checks.held = slices.DeleteFunc(r.checks.held, func(o *heldBatch) bool { return o == h })
 	for _, s := range h.batch.Segments {
 		delete(r.checks.of, segmentKey{h.batch.Round, s.Segment})
@@ -195,13 +193,11 @@ func (r *run) count(batch *merge.Batch, workerID string) {
 	var mutations uint64
 	for _, s := range batch.Segments {
 		mutations += s.Counts.Mutations
-		r.c.metrics.rays.Add(float64(s.Counts.Rays))
-		r.c.metrics.trapped.Add(float64(s.Counts.ChainsTrapped))
 		if _, proven := r.checks.proven[segmentKey{batch.Round, s.Segment}]; !proven {
 			r.checks.unchecked[workerID]++
 		}
 		// Close by segment, not by the reported lease: whoever holds the task, it is done.
-		r.closeTask(segmentTask(r.id, batch.Round, s.Segment))
+		r.closeTask(r.segmentTask(batch.Round, s.Segment))
 		if batch.Round == r.state.Closed {
 			r.openSegment(batch.Round+1, s.Segment)
 		}
@@ -211,7 +207,8 @@ func (r *run) count(batch *merge.Batch, workerID string) {
 	now := r.c.options.Now()
 	r.meter.add(mutations, now)
 	r.c.credit(workerID, mutations)
-	r.c.metrics.mutations.Add(float64(mutations))
+	r.charge(batch.CPUSeconds, len(batch.Segments))
+	r.c.metrics.countMerged(batch)
 	if r.state.Complete() {
 		r.c.wake()
 	}

@@ -1,6 +1,7 @@
 package coordinator
 
 import (
+	"context"
 	"fmt"
 	"io"
 	"maps"
@@ -8,6 +9,7 @@ import (
 	"strings"
 	"time"
 
+	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/checkpoint"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/render"
@@ -15,27 +17,45 @@ import (
 	"metrofarm/services/internal/tally"
 )
 
-// checkpointShare is the most of the time that checkpoints may take: one hundredth.
-const checkpointShare = 100
+// checkpointShare is the reciprocal of the time that checkpoints may take while a job goes on; with the
+// one at its end all of them stay below one hundredth.
+const checkpointShare = 200
+
+// blobTimeout bounds one transfer of a checkpoint.
+const blobTimeout = 5 * time.Minute
+
+// blobContext is for transfers that end with no caller: the last checkpoints are written when all
+// else has been canceled.
+func blobContext() (context.Context, context.CancelFunc) {
+	return context.WithTimeout(context.Background(), blobTimeout)
+}
 
 // housekeep does for every job what no call from outside does. It runs in one goroutine.
 func (c *Coordinator) housekeep() {
+	c.endLostStreams()
+	c.forgetWorkers()
+	if c.suspended() || c.down.Load() {
+		return
+	}
 	for _, r := range c.runs() {
+		if !r.catchUp() {
+			continue
+		}
 		r.tick()
 		r.closeRound()
 		if r.checkpointDue(false) {
 			r.checkpoint()
 		}
-		r.unload()
+		r.sweep()
+		r.retire()
 	}
-	c.forgetWorkers()
 }
 
 // tick looks at the clock.
 func (r *run) tick() {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State.Ended() {
+	if r.rec.State.Ended() || !r.mayAct() {
 		return
 	}
 	r.expire()
@@ -82,7 +102,7 @@ func (r *run) closeRound() {
 func (r *run) failWith(err error) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if !r.rec.State.Ended() {
+	if !r.rec.State.Ended() && r.mayAct() {
 		r.fail(err.Error())
 	}
 }
@@ -90,7 +110,7 @@ func (r *run) failWith(err error) {
 func (r *run) completeSnapshot() *render.State {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() {
+	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() || !r.mayAct() {
 		return nil
 	}
 	return r.state.Snapshot()
@@ -99,7 +119,7 @@ func (r *run) completeSnapshot() *render.State {
 func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering { // canceled meanwhile
+	if r.rec.State != job.Rendering || !r.mayAct() { // canceled, or lost, meanwhile
 		return
 	}
 	point.WallSeconds = r.wallSeconds()
@@ -166,7 +186,7 @@ func relErrors(points []job.ConvergencePoint) []float64 {
 func (r *run) checkpointDue(leaving bool) bool {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.state == nil || r.c.options.Now().Before(r.retryAt) && !leaving {
+	if r.state == nil || !r.mayAct() || r.c.options.Now().Before(r.retryAt) && !leaving {
 		return false
 	}
 	if r.finishing != nil || r.rec.State.Ended() || leaving {
@@ -180,15 +200,23 @@ func (r *run) checkpointDue(leaving bool) bool {
 // reached its last round becomes Done with that same step.
 func (r *run) checkpoint() {
 	start := time.Now()
+	written := &meteredWriter{bytes: r.c.metrics.checkpointBytes}
 	c, name := r.checkpointSnapshot()
 	if c.State == nil {
 		return
 	}
-	err := r.c.options.Blobs.WriteBlob(name, func(w io.Writer) error { return checkpoint.Write(w, c) })
+	ctx, cancel := blobContext()
+	defer cancel()
+	err := r.c.options.Blobs.WriteBlob(ctx, name, func(w io.Writer) error {
+		written.Writer, written.count = w, 0
+		return checkpoint.Write(written, c)
+	})
 	if err != nil {
 		// The job goes on: it can be rendered again from the last checkpoint that was written.
+		r.c.metrics.checkpointFailures.Inc()
 		r.c.log.Error("checkpoint failed", "job", r.id, "error", err)
 		r.mu.Lock()
+		r.noteFailedCheckpoint(err)
 		r.dirty = true
 		r.retryAt = r.c.options.Now().Add(r.c.options.CheckpointMin)
 		r.mu.Unlock()
@@ -196,13 +224,13 @@ func (r *run) checkpoint() {
 	}
 	cost := time.Since(start)
 	r.c.metrics.checkpointSeconds.Observe(cost.Seconds())
-	r.swing(name, cost)
+	r.swing(name, cost, written.count)
 }
 
 func (r *run) checkpointSnapshot() (checkpoint.Checkpoint, string) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.state == nil {
+	if r.state == nil || !r.mayAct() {
 		return checkpoint.Checkpoint{}, ""
 	}
 	r.dirty = false
@@ -212,39 +240,47 @@ func (r *run) checkpointSnapshot() (checkpoint.Checkpoint, string) {
 	return checkpoint.Checkpoint{State: r.state.Snapshot(), Extra: extra}, r.checkpointName()
 }
 
-// checkpointName is new: with the claim's epoch in it, an owner that was fenced off cannot overwrite
-// a blob of the next one. Requires: mu.
-func (r *run) checkpointName() string {
-	return fmt.Sprintf("%s%s-%d-%d", blobPrefix, r.id, r.c.epoch, r.rec.Checkpoints)
-}
-
-// swing makes a written checkpoint the one to resume from and removes the one before.
-func (r *run) swing(name string, cost time.Duration) {
+// swing makes a written checkpoint the one to resume from. The one before is garbage once that is
+// stored.
+func (r *run) swing(name string, cost time.Duration, bytes int) {
 	r.mu.Lock()
-	old := r.rec.Checkpoint
+	defer r.mu.Unlock()
+	if r.gone.Load() {
+		return
+	}
+	if r.rec.Checkpoint != "" {
+		r.garbage = append(r.garbage, r.rec.Checkpoint)
+	}
 	r.rec.Checkpoint = name
 	r.checkpointCost = cost
 	r.lastCheckpoint = r.c.options.Now()
+	r.noteCheckpoint(bytes, cost)
 	if d := r.finishing; d != nil && r.rec.State == job.Rendering {
 		r.finishing = nil
 		r.rec.StopReason = d.Reason
 		r.setState(job.Done, d.Reason)
 	}
-	saved := r.save()
-	r.mu.Unlock()
-	if saved && old != "" {
-		if err := r.c.options.Blobs.DeleteBlob(old); err != nil {
-			r.c.log.Warn("old checkpoint stays", "blob", old, "error", err)
-		}
-	}
+	r.save()
 }
 
-// unload frees the film of a job that has ended and is checkpointed; images then come from the
-// checkpoint.
-func (r *run) unload() {
+// sweep deletes what the stored record does not name any more.
+func (r *run) sweep() {
 	r.mu.Lock()
-	defer r.mu.Unlock()
-	if r.rec.State.Ended() && !r.dirty {
-		r.state, r.image, r.finishing = nil, nil, nil
+	var garbage []string
+	if r.mayAct() {
+		garbage, r.garbage = r.garbage, nil
+	}
+	r.mu.Unlock()
+	r.c.discard(garbage)
+}
+
+// discard deletes checkpoints that nobody needs. What it misses is swept later.
+func (c *Coordinator) discard(names []string) {
+	for _, name := range names {
+		ctx, cancel := blobContext()
+		if err := c.options.Blobs.Delete(ctx, blob.Named, name); err != nil {
+			c.log.Warn("old checkpoint stays until it is swept", "blob", name, "error", err)
+		}
+		cancel()
 	}
 }

@@ -10,15 +10,15 @@ import (
 )
 
 // Image implements api.Service. The caller must not change the slices: they are shared.
-func (c *Coordinator) Image(_ context.Context, id string) (job.Image, error) {
-	r, err := c.find(id)
+func (c *Coordinator) Image(ctx context.Context, id string) (job.Image, error) {
+	r, err := c.find(ctx, id)
 	if err != nil {
 		return job.Image{}, err
 	}
 	// One development of a job at a time: the others then find it done.
 	r.imageMu.Lock()
 	defer r.imageMu.Unlock()
-	state, image, err := r.imageSource()
+	state, image, err := r.imageSource(ctx)
 	if err != nil || state == nil {
 		return image, err
 	}
@@ -29,29 +29,32 @@ func (c *Coordinator) Image(_ context.Context, id string) (job.Image, error) {
 
 // imageSource returns the film to develop and the image's attributes, or no film and the image that
 // was developed before.
-func (r *run) imageSource() (*render.State, job.Image, error) {
+func (r *run) imageSource(ctx context.Context) (*render.State, job.Image, error) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
+	if r.loading {
+		return nil, job.Image{}, fmt.Errorf("job %s: its checkpoint is being read: %w", r.id, job.ErrUnavailable)
+	}
 	state := r.state
 	if state == nil && r.rec.Checkpoint != "" {
-		read, err := r.c.readCheckpoint(r.rec)
+		read, err := r.c.readCheckpoint(ctx, r.rec)
 		if err != nil {
 			return nil, job.Image{}, fmt.Errorf("image: %w", err)
 		}
 		state = read.State
 	}
-	if state == nil || state.Closed == 0 && r.rec.State != job.Done {
+	if state == nil || len(state.History()) == 0 && r.rec.State != job.Done {
 		return nil, job.Image{}, fmt.Errorf("job %s: %w", r.id, job.ErrNoImage)
 	}
 	final := r.rec.State == job.Done
-	if r.image != nil && r.image.Rounds == state.Closed && r.image.Final == final {
+	snapshot := r.snapshot()
+	if r.image != nil && r.image.FilmSHA256 == snapshot.FilmSHA256 && r.image.Final == final {
 		return nil, *r.image, nil
 	}
-	snapshot := r.snapshot()
 	return state.Snapshot(), job.Image{
 		Width: int(state.Spec.GetWidth()), Height: int(state.Spec.GetHeight()),
 		SceneDigest: r.rec.Request.Scene, JobID: r.id, Integrator: snapshot.Integrator,
-		Seed: state.Spec.GetSeed(), Rounds: state.Closed, Final: final,
+		Seed: state.Spec.GetSeed(), Rounds: len(state.History()), Final: final,
 		B: snapshot.B, BStandardError: snapshot.BStandardError, FilmSHA256: snapshot.FilmSHA256,
 	}, nil
 }
@@ -60,8 +63,8 @@ func (r *run) developInto(image *job.Image, state *render.State) {
 	images := develop.Develop(state.Total, state.Scales())
 	image.RGB, image.Variance, image.Layers = images.RGB(), images.VarianceImage(), state.Layers()
 	image.Mutations = state.Account.Counts.Mutations
-	if n := len(state.Points); n > 0 {
-		p := state.Points[n-1]
+	if points := state.History(); len(points) > 0 {
+		p := points[len(points)-1]
 		image.B, image.BStandardError, image.RelMSE, image.FilmSHA256 = p.B, p.BStandardError, p.RelMSE, p.FilmSHA256
 	}
 }

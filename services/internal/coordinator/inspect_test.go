@@ -78,7 +78,7 @@ func TestWarningsOfTheSceneAreToldAndStoredOnce(t *testing.T) {
 	if !slices.Equal(end.Warnings, []string{"scene.xml:3: odd"}) {
 		t.Errorf("warnings %q", end.Warnings)
 	}
-	records, err := s.db.Jobs(t.Context())
+	records, err := s.db.Jobs(t.Context(), 0, 10)
 	if err != nil || len(records) != 1 || len(records[0].Warnings) != 0 ||
 		!strings.Contains(records[0].SceneReport, "odd") {
 		t.Errorf("records %+v, error %v", records, err)

@@ -2,6 +2,7 @@ package coordinator
 
 import (
 	"fmt"
+	"log/slog"
 	"math"
 
 	"google.golang.org/protobuf/encoding/protojson"
@@ -107,9 +108,7 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 	r.closeTask(task)
 	r.extra.BootstrapEvaluations += uint64(part.Count)
 	r.extra.BootstrapRays += result.GetRays()
-	if cpu := result.GetCpuSeconds(); cpu >= 0 && !math.IsInf(cpu, 0) {
-		r.extra.BootstrapCPUSeconds += cpu
-	}
+	r.chargeBootstrap(result.GetCpuSeconds())
 	for kind, n := range result.GetAnomalyCounts() {
 		r.extra.BootstrapAnomalies[kind] += n
 	}
@@ -120,13 +119,41 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 	return nil
 }
 
+// chargeBootstrap counts the CPU time of a task before rendering. Requires: mu.
+func (r *run) chargeBootstrap(seconds float64) {
+	if seconds >= 0 && !math.IsInf(seconds, 0) {
+		r.extra.BootstrapCPUSeconds += seconds
+		r.charge(seconds, 1)
+	}
+}
+
 // startRendering opens the first rounds. Requires: mu; the spec has its unit.
 func (r *run) startRendering(halves [film.Halves]tally.Sums, seeds [][]bootstrap.Seed) {
 	r.state = render.New(r.spec, plan.Cells(r.spec, r.report), halves, seeds)
 	r.dirty = true
 	r.setState(job.Rendering, "")
+	r.notePlan()
 	r.startClock()
 	r.openTasks()
+}
+
+// notePlan says what was decided. Requires: mu; rendering.
+func (r *run) notePlan() {
+	sizes := r.spec.GetRoundSizes()
+	attributes := []slog.Attr{
+		slog.String("integrator", plan.IntegratorName(r.spec)), slog.Uint64("width", uint64(r.spec.GetWidth())),
+		slog.Uint64("height", uint64(r.spec.GetHeight())), slog.Int("segments", len(r.state.Expected())),
+		slog.Int("rounds", len(sizes)), slog.Uint64("first_round", sizes[0]), slog.Uint64("last_round", sizes[len(sizes)-1]),
+		slog.Float64("unit", r.spec.GetUnit()), slog.Uint64("bootstrap_samples", r.spec.GetBootstrapSamples()),
+		slog.String("worker_version", r.spec.GetWorkerVersion()), slog.String("stop", r.rec.Request.Stop.String()),
+	}
+	if r.state.Chains() {
+		b, standardError := bootstrapB(r.state.Bootstrap)
+		attributes = append(attributes, slog.Int("chains", plan.Chains(r.spec)), slog.Float64("b", b),
+			slog.Float64("b_standard_error", standardError), slog.Bool("direct_apart", plan.DirectApart(r.spec)),
+			slog.Bool("equalized", r.spec.GetTargetMap() != nil))
+	}
+	r.note("planned", attributes...)
 }
 
 // reportAnomalies publishes a sample of the contributions that were set to zero. Requires: mu; the

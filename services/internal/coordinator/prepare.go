@@ -2,7 +2,6 @@ package coordinator
 
 import (
 	"fmt"
-	"math"
 
 	"google.golang.org/protobuf/proto"
 
@@ -40,11 +39,23 @@ func (r *run) plan(report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, 
 	if plan.NeedsPilot(r.rec.Request, report) {
 		r.stage = stageLight
 		spec, err := plan.Pilot(r.rec.Request, report)
+		if err == nil {
+			err = r.c.options.Limits.Check(spec, r.rec.Request, report)
+		}
 		return spec, nil, err
 	}
-	spec, warnings, err := plan.Resolve(r.rec.Request, report)
+	spec, warnings, err := r.resolve(r.rec.Request, report)
 	if err == nil {
 		r.enterResolved(spec, r.rec.Request)
+	}
+	return spec, warnings, err
+}
+
+// resolve the spec and check that it takes no more than a job may.
+func (r *run) resolve(request job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, []string, error) {
+	spec, warnings, err := plan.Resolve(request, report)
+	if err == nil {
+		err = r.c.options.Limits.Check(spec, request, report)
 	}
 	return spec, warnings, err
 }
@@ -113,7 +124,7 @@ func (r *run) target() {
 // all samples are in.
 func (r *run) decide() {
 	request, decision := plan.Decide(r.rec.Request, r.spec, r.samples.Values(), r.report)
-	spec, warnings, err := plan.Resolve(request, r.report)
+	spec, warnings, err := r.resolve(request, r.report)
 	if err != nil {
 		r.fail(err.Error())
 		return
@@ -239,9 +250,7 @@ func (r *run) tried(task string, result *farmv1.KernelTrialsResult) error {
 		r.extra.BootstrapEvaluations += t.GetPathEvaluations()
 		r.extra.BootstrapRays += t.GetRays()
 	}
-	if cpu := result.GetCpuSeconds(); cpu >= 0 && !math.IsInf(cpu, 0) {
-		r.extra.BootstrapCPUSeconds += cpu
-	}
+	r.chargeBootstrap(result.GetCpuSeconds())
 	r.closeTask(task)
 	spec := proto.CloneOf(r.spec)
 	plan.SetKernel(spec, result.GetTrials())

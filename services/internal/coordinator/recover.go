@@ -4,7 +4,6 @@ import (
 	"context"
 	"errors"
 	"fmt"
-	"strings"
 
 	"google.golang.org/protobuf/proto"
 
@@ -14,52 +13,23 @@ import (
 	"metrofarm/services/internal/store"
 )
 
-// blobPrefix of checkpoints among the named blobs.
-const blobPrefix = "checkpoint-"
-
-// recover rebuilds the jobs from the store and their checkpoints.
-func (c *Coordinator) recover(ctx context.Context) error {
-	records, err := c.options.Store.Jobs(ctx)
-	if err != nil {
-		return err
-	}
-	kept := make(map[string]bool)
-	for _, rec := range records {
-		r := c.newRun(rec)
-		kept[rec.Checkpoint] = true
-		c.jobs[rec.ID] = r
-		c.order = append(c.order, r)
-		if !rec.State.Ended() {
-			r.mu.Lock()
-			r.resume()
-			r.mu.Unlock()
-		}
-	}
-	return c.removeOrphans(kept)
+// checkpointName is new for every checkpoint: with the ownership's epoch in it, an owner that was
+// fenced off cannot overwrite a blob of the next one. Requires: mu.
+func (r *run) checkpointName() string {
+	return fmt.Sprintf("%s%s-%d-%d", checkpoint.BlobPrefix, r.id, r.epoch, r.rec.Checkpoints)
 }
 
-// removeOrphans deletes checkpoints that no record points to: a crash came between writing one and
-// swinging the pointer, or between that and deleting the old one.
-func (c *Coordinator) removeOrphans(kept map[string]bool) error {
-	names, err := c.options.Blobs.BlobNames()
-	if err != nil {
-		return err
+// resume puts a job back to where its checkpoint was; without a usable one it begins again, to the
+// same bits. It fails if the checkpoint cannot be read now. Requires: mu.
+func (r *run) resume(c checkpoint.Checkpoint, err error) error {
+	if err == nil {
+		err = r.load(c)
 	}
-	for _, name := range names {
-		if strings.HasPrefix(name, blobPrefix) && !kept[name] {
-			if err := c.options.Blobs.DeleteBlob(name); err != nil {
-				return err
-			}
-		}
-	}
-	return nil
-}
-
-// resume puts a job back to where its checkpoint was; without one it begins again, to the same
-// bits. Requires: mu.
-func (r *run) resume() {
-	if err := r.load(); err != nil {
+	switch {
+	case unusable(err):
 		r.publish("fault", fmt.Sprintf("the checkpoint cannot be used, the job begins again: %v", err), nil)
+	case err != nil:
+		return err
 	}
 	if r.state == nil {
 		r.rec.State, r.rec.Warnings = job.Queued, nil
@@ -69,33 +39,39 @@ func (r *run) resume() {
 		r.startClock()
 		r.openTasks()
 	}
-	r.publish("state", "the coordinator was restarted", nil)
+	r.publish("state", "coordinator "+r.c.options.Member.ID+" goes on with the job", nil)
 	r.save()
-}
-
-// load reads the job's checkpoint into memory, if there is one. Requires: mu.
-func (r *run) load() error {
-	if r.rec.Checkpoint == "" {
-		return nil
-	}
-	c, err := r.c.readCheckpoint(r.rec)
-	if err != nil {
-		return err
-	}
-	report := &scenev1.SceneReport{}
-	if err := proto.Unmarshal(c.Extra.Report, report); err != nil {
-		return fmt.Errorf("scene report: %w", err)
-	}
-	r.state, r.spec, r.report, r.extra = c.State, c.State.Spec, report, c.Extra
-	r.lastCheckpoint = r.c.options.Now()
 	return nil
 }
 
-func (c *Coordinator) readCheckpoint(rec store.Record) (checkpoint.Checkpoint, error) {
-	blob, err := c.options.Blobs.OpenBlob(rec.Checkpoint)
+// load makes a checkpoint the job's state; the zero Checkpoint means that there is none. Requires: mu.
+func (r *run) load(c checkpoint.Checkpoint) error {
+	if c.State == nil {
+		return nil
+	}
+	report := &scenev1.SceneReport{}
+	if err := proto.Unmarshal(c.Extra.Report, report); err != nil {
+		return fmt.Errorf("%w: scene report: %w", checkpoint.ErrCorrupt, err)
+	}
+	r.state, r.spec, r.report, r.extra = c.State, c.State.Spec, report, c.Extra
+	r.lastCheckpoint = r.c.options.Now()
+	if r.rec.Refinements > 0 && !r.extend() {
+		return fmt.Errorf("%w: it has more rounds than the job asks for", checkpoint.ErrCorrupt)
+	}
+	return nil
+}
+
+// readCheckpoint returns the zero Checkpoint if the job has none.
+func (c *Coordinator) readCheckpoint(ctx context.Context, rec store.Record) (checkpoint.Checkpoint, error) {
+	if rec.Checkpoint == "" {
+		return checkpoint.Checkpoint{}, nil
+	}
+	ctx, cancel := context.WithTimeout(ctx, blobTimeout)
+	defer cancel()
+	r, err := c.options.Blobs.OpenBlob(ctx, rec.Checkpoint)
 	if err != nil {
 		return checkpoint.Checkpoint{}, err
 	}
-	read, err := checkpoint.Read(blob)
-	return read, errors.Join(err, blob.Close())
+	read, err := checkpoint.Read(r)
+	return read, errors.Join(err, r.Close())
 }

@@ -21,7 +21,7 @@ func TestPoisonedTaskFailsTheJob(t *testing.T) {
 	})...)()
 	id := s.submit(chainsRequest(20))
 	failed := s.await(id, "failed", func(j job.Snapshot) bool { return j.State.Ended() })
-	if failed.State != job.Failed || !strings.Contains(failed.Error, "3 worker(s)") || !strings.Contains(failed.Error, "announced") {
+	if failed.State != job.Failed || strings.Count(failed.Error, "(w-") != 3 || !strings.Contains(failed.Error, "announced") {
 		t.Errorf("%s: %q", failed.State, failed.Error)
 	}
 }

@@ -4,6 +4,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"log/slog"
 	"strings"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
@@ -23,6 +24,9 @@ func (c *Coordinator) Report(_ context.Context, in *farmv1.ReportRequest) (*farm
 	defer c.announce()
 	r.mu.Lock()
 	defer r.mu.Unlock()
+	if r.gone.Load() {
+		return superseded("the job has moved to another coordinator"), nil
+	}
 	if !r.table.Held(ref(in.GetLease()), w.id) {
 		return superseded("the lease is gone"), nil
 	}
@@ -82,7 +86,8 @@ func (r *run) blame(l *farmv1.LeaseRef, w worker, evidence string) {
 	if !r.table.Fail(ref(l), w.id, evidence) {
 		return
 	}
-	r.publish("fault", fmt.Sprintf("task %s failed on worker %s: %s", l.GetTaskId(), w.name, evidence), nil)
+	r.publish("fault", fmt.Sprintf("task %s failed on worker %s: %s", l.GetTaskId(), w.name, evidence), nil,
+		append(identity(w), slog.String("task", l.GetTaskId()))...)
 	r.endIfPoisoned()
 	r.save()
 }
@@ -94,9 +99,12 @@ func (r *run) endIfPoisoned() {
 	if !poisoned {
 		return
 	}
-	text := fmt.Sprintf("task %s cannot be rendered: it failed on, or was lost with, %d worker(s)", p.Task, p.Workers)
-	if p.Evidence != "" {
-		text += "; the last said: " + p.Evidence
+	text := fmt.Sprintf("task %s cannot be rendered:", p.Task)
+	if len(p.Failed) > 0 {
+		text += fmt.Sprintf(" it failed on %s, and the last said: %s", r.c.describeAll(p.Failed), p.Evidence)
+	}
+	if len(p.Lost) > 0 {
+		text += fmt.Sprintf(" it was lost with %s, not heard of since", r.c.describeAll(p.Lost))
 	}
 	r.fail(text)
 }
@@ -107,6 +115,7 @@ func (r *run) expire() {
 	if len(expired) == 0 {
 		return
 	}
+	defer r.c.announce()
 	r.c.metrics.expired.Add(float64(len(expired)))
 	byWorker := make(map[string]int)
 	for _, e := range expired {
@@ -123,7 +132,10 @@ func (r *run) expire() {
 		if lost[id] {
 			how = "is lost with"
 		}
-		r.publish("fault", fmt.Sprintf("worker %s %s %d task(s); they are leased again", id, how, n), nil)
+		if lost[id] {
+			delete(r.crew, id)
+		}
+		r.publish("fault", fmt.Sprintf("worker %s %s %d task(s); they are leased again", id, how, n), nil, slog.String("worker", id))
 	}
 	r.endIfPoisoned()
 	r.save()

@@ -6,6 +6,7 @@ import (
 	"fmt"
 	"slices"
 	"sync"
+	"sync/atomic"
 	"time"
 
 	"google.golang.org/protobuf/proto"
@@ -14,6 +15,7 @@ import (
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
 	"metrofarm/services/internal/bootstrap"
 	"metrofarm/services/internal/checkpoint"
+	"metrofarm/services/internal/flow"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/lease"
 	"metrofarm/services/internal/plan"
@@ -27,12 +29,20 @@ type run struct {
 	c      *Coordinator
 	id     string
 	number uint64 // order of creation
+	user   string // who submitted it
+	epoch  uint64 // of the ownership
+	// gone: this coordinator does not own the job, or not any more. Nothing of it may be stored.
+	gone     atomic.Bool
+	standing standing
+	table    *lease.Table // its changes require mu
 
-	mu     sync.Mutex
-	rec    store.Record
-	table  *lease.Table
-	tasks  map[string]taskKey
-	checks checks
+	mu      sync.Mutex
+	rec     store.Record
+	behind  bool     // the store has not all of rec; nothing is done until it has
+	loading bool     // its checkpoint is being read
+	garbage []string // blobs that the record does not name any more
+	tasks   map[string]taskKey
+	checks  checks
 
 	// From inspection on.
 	report *scenev1.SceneReport
@@ -50,6 +60,7 @@ type run struct {
 	activity     string
 	runningSince time.Time // zero while the wall clock of rendering stands still
 	meter        meter
+	batchSize    flow.BatchSize
 	warned       map[string]bool // worker versions already reported as unfit
 
 	dirty          bool // there is something to checkpoint
@@ -58,6 +69,8 @@ type run struct {
 	checkpointCost time.Duration
 
 	events eventLog
+	crew   map[string]bool // workers that the log said have joined
+	noted  notedCheckpoints
 
 	imageMu sync.Mutex // taken before mu
 	image   *job.Image // of the complete rounds, while rendering
@@ -71,15 +84,23 @@ type taskKey struct {
 	segment int
 }
 
-func (c *Coordinator) newRun(rec store.Record) *run {
-	return &run{
-		c: c, id: rec.ID, number: rec.Number, rec: rec,
-		table:  lease.NewTable(c.options.LeaseTTL, c.nextEpoch),
+func (c *Coordinator) newRun(rec store.Record, epoch uint64) *run {
+	r := &run{
+		c: c, id: rec.ID, number: rec.Number, user: rec.User, epoch: epoch, rec: rec,
 		tasks:  make(map[string]taskKey),
 		checks: newChecks(),
 		warned: make(map[string]bool),
-		events: eventLog{sequence: rec.Sequence},
+		crew:   make(map[string]bool),
+		events: eventLog{sequence: rec.Sequence, shown: rec.Sequence},
 	}
+	r.table = lease.NewTable(c.options.LeaseTTL, r.nextEpoch)
+	r.updateStanding()
+	return r
+}
+
+// nextEpoch of a task's lease grows over owners: the ownership's epoch is its high part.
+func (r *run) nextEpoch() uint64 {
+	return r.epoch<<32 | uint64(r.c.leases.Add(1))
 }
 
 // put opens a task. Requires: mu.
@@ -96,9 +117,9 @@ func (r *run) closeTask(id string) {
 
 // clearTasks drops all tasks: a phase is over. Requires: mu.
 func (r *run) clearTasks() {
-	r.table = lease.NewTable(r.c.options.LeaseTTL, r.c.nextEpoch)
+	r.table.Clear()
 	clear(r.tasks)
-	r.checks.clear()
+	r.checks.clear(r.c.merging)
 }
 
 // startInspection opens the job's first task. Requires: mu.
@@ -123,15 +144,23 @@ func (r *run) openSegment(number, segment int) {
 		return
 	}
 	key := taskKey{phase: job.Rendering, round: number, segment: segment}
-	r.put(segmentTask(r.id, number, segment), r.segmentOrder(number, segment), key)
+	r.put(r.segmentTask(number, segment), r.segmentOrder(number, segment), key)
 }
 
 func (r *run) segmentOrder(number, segment int) uint64 {
 	return uint64(number)*uint64(len(r.state.Expected())) + uint64(segment)
 }
 
-func segmentTask(id string, number, segment int) string {
-	return fmt.Sprintf("%s/r%d/s%d", id, number, segment)
+func (r *run) segmentTask(number, segment int) string {
+	return fmt.Sprintf("%sr%d/s%d", r.taskPrefix(), number, segment)
+}
+
+// taskPrefix begins the names of the segments' tasks. Requires: mu.
+func (r *run) taskPrefix() string {
+	if r.rec.Refinements == 0 {
+		return r.id + "/"
+	}
+	return fmt.Sprintf("%s/f%d/", r.id, r.rec.Refinements)
 }
 
 // lastRound is the last round that may be needed, as far as is known. Requires: mu; spec resolved.
@@ -190,7 +219,7 @@ func (r *run) setState(next job.State, message string) {
 		summary := r.snapshot()
 		r.rec.Summary = &summary
 		if r.state != nil {
-			r.rec.Convergence = r.state.Points
+			r.rec.Convergence = r.state.History()
 		}
 	}
 	r.c.log.Info("job state", "job", r.id, "state", string(next), "message", message)
@@ -219,18 +248,48 @@ func (r *run) warn(text string) {
 	r.publish("warning", text, nil)
 }
 
-// save makes the record and the events so far durable. A failure ends the coordinator; the caller
-// needs the result only if it goes on to destroy something. Requires: mu.
+// save makes the record and the events so far durable, and then shows the events. Where the store is
+// out of reach the job stands still until housekeeping has saved it; where another coordinator owns
+// the job it is dropped. The caller needs the result only if it goes on to destroy or to promise
+// something. Requires: mu.
 func (r *run) save() (saved bool) {
-	r.rec.Sequence = r.events.sequence + sequenceReserve
-	err := r.c.options.Store.UpdateJob(context.Background(), r.c.epoch, r.rec, r.events.unsaved)
-	if err != nil && !errors.Is(err, job.ErrNotFound) {
-		r.c.fatal(err)
+	r.updateStanding()
+	if r.gone.Load() {
 		return false
 	}
-	r.events.unsaved = nil
-	return true
+	r.behind = true
+	if r.c.down.Load() {
+		return false
+	}
+	r.rec.Revision++
+	r.rec.Sequence = r.events.sequence + sequenceReserve
+	err := r.c.options.Store.UpdateJob(context.Background(), r.epoch, r.rec, r.events.unsaved)
+	switch {
+	case err == nil:
+		r.behind = false
+		r.events.unsaved = nil
+		r.events.show()
+		return true
+	case errors.Is(err, store.ErrFenced), errors.Is(err, job.ErrNotFound):
+		r.c.lose(r)
+	default:
+		r.c.trouble(err)
+	}
+	return false
 }
+
+// catchUp saves what is not saved yet, and tells whether the job may be acted on.
+func (r *run) catchUp() bool {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	if r.behind || len(r.events.unsaved) > 0 {
+		r.save()
+	}
+	return r.mayAct()
+}
+
+// mayAct tells whether the job is this coordinator's to act on. Requires: mu.
+func (r *run) mayAct() bool { return !r.gone.Load() && !r.behind && !r.loading && !r.c.suspended() }
 
 // startClock lets the wall time of rendering run. Requires: mu.
 func (r *run) startClock() {

@@ -22,13 +22,14 @@ func (r *run) snapshot() job.Snapshot {
 		return *r.rec.Summary
 	}
 	s := job.Snapshot{
-		ID: r.id, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused,
+		ID: r.id, User: r.rec.User, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused,
 		PauseReason: r.rec.PauseReason, Error: r.rec.Error,
 		CreatedAt: r.rec.CreatedAt, StartedAt: r.rec.StartedAt, EndedAt: r.rec.EndedAt,
-		StopReason: r.rec.StopReason, Seed: r.rec.Request.Seed, Activity: r.activity,
+		StopReason: r.rec.StopReason, Refinements: r.rec.Refinements, Seed: r.rec.Request.Seed, Activity: r.activity,
 		WallSeconds: r.wallSeconds(), LoadSeconds: r.extra.LoadSeconds,
 		Anomalies: map[string]uint64{}, Warnings: slices.Concat(r.report.GetWarnings(), r.rec.Warnings),
 	}
+	s.Stale = r.gone.Load()
 	r.describeSpec(&s)
 	r.describeWork(&s)
 	r.describePhase(&s)
@@ -86,13 +87,14 @@ func (r *run) describeWork(s *job.Snapshot) {
 }
 
 func (r *run) describePoints(s *job.Snapshot) {
-	s.RoundsDone = len(r.state.Points)
+	points := r.state.History()
+	s.RoundsDone = len(points)
 	if s.RoundsDone == 0 {
 		s.FilmSHA256 = r.emptySHA
 		s.B, s.BStandardError = bootstrapB(r.state.Bootstrap)
 		return
 	}
-	p := r.state.Points[s.RoundsDone-1]
+	p := points[s.RoundsDone-1]
 	s.B, s.BStandardError, s.FilmSHA256 = p.B, p.BStandardError, p.FilmSHA256
 	s.EffectiveSamples, s.EffectiveSamplesPerMutation = p.EffectiveSamples, p.EffectiveSamplesPerMutation
 	if known(p) {
@@ -163,7 +165,7 @@ func total(counts []uint64) (sum uint64, used int) {
 
 func (r *run) describePhase(s *job.Snapshot) {
 	switch {
-	case r.rec.State == job.Bootstrapping:
+	case r.rec.State == job.Bootstrapping && r.spec != nil:
 		s.RoundSegments = len(plan.BootstrapRanges(r.spec))
 		s.RoundSegmentsDone = s.RoundSegments - r.table.Open()
 	case r.rec.State == job.Rendering && r.state != nil && len(r.state.Open) > 0:
@@ -219,7 +221,11 @@ func (r *run) countProgress(fraction float64) float64 {
 	closed := min(r.state.Closed, len(sizes))
 	done := round.PerPixel(sizes[:closed], 1)
 	if closed < len(sizes) {
-		done += fraction * float64(sizes[closed])
+		cut := 0.0
+		if r.state.Cut != nil {
+			cut = float64(r.state.Cut.Size)
+		}
+		done += cut + fraction*(float64(sizes[closed])-cut)
 	}
 	return done / total
 }

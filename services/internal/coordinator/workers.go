@@ -5,6 +5,7 @@ import (
 	"context"
 	"fmt"
 	"slices"
+	"strings"
 	"time"
 
 	"metrofarm/services/internal/job"
@@ -22,6 +23,8 @@ type worker struct {
 	activity                    string
 	conflicts                   int    // batches that cannot be right, or that another worker contradicts
 	exclusion                   string // why it gets no more work; empty if it does
+	damaged                     int    // batches that did not fit their own digests; halved by each that is merged
+	quarantined                 time.Time
 	meter                       meter
 }
 
@@ -29,13 +32,31 @@ type worker struct {
 // makes the worker register again.
 func (c *Coordinator) findWorker(id string) (worker, error) {
 	c.mu.Lock()
-	defer c.mu.Unlock()
 	w := c.workers[id]
 	if w == nil {
+		c.mu.Unlock()
 		return worker{}, fmt.Errorf("worker %q: %w", id, job.ErrNotFound)
 	}
+	back := c.lost(w)
 	w.lastContact = c.options.Now()
-	return worker{id: w.id, name: w.name, version: w.version, threads: w.threads, draining: w.draining}, nil
+	found := worker{
+		id: w.id, name: w.name, version: w.version, threads: w.threads, draining: w.draining, quarantined: w.quarantined,
+	}
+	c.mu.Unlock()
+	if back {
+		c.forgive(id)
+	}
+	return found, nil
+}
+
+// forgive takes back what was held against tasks because a worker was lost with them: it was only out of
+// reach.
+func (c *Coordinator) forgive(id string) {
+	for _, r := range c.runs() {
+		r.mu.Lock()
+		r.table.Forgive(id)
+		r.mu.Unlock()
+	}
 }
 
 // liveWorkers counts the workers of a version that were heard of within a lease's time.
@@ -57,24 +78,25 @@ func (c *Coordinator) lost(w *worker) bool {
 	return c.options.Now().Sub(w.lastContact) > c.options.LeaseTTL
 }
 
-// lostWorkers tells which of these workers are lost.
+// lostWorkers tells which of these workers are lost. Who has left is not.
 func (c *Coordinator) lostWorkers(ids map[string]int) map[string]bool {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	lost := make(map[string]bool)
 	for id := range ids {
 		w := c.workers[id]
-		lost[id] = w == nil || c.lost(w)
+		lost[id] = w != nil && c.lost(w)
 	}
 	return lost
 }
 
-// credit counts a worker's merged mutations.
+// credit counts the mutations of a worker's merged batch.
 func (c *Coordinator) credit(id string, mutations uint64) {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
 		w.meter.add(mutations, c.options.Now())
+		w.damaged /= 2
 	}
 }
 
@@ -84,6 +106,7 @@ func (c *Coordinator) flag(id string) {
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
 		w.conflicts++
+		c.metrics.conflicts.Inc()
 		c.log.Warn("worker delivered a conflicting batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
 	}
 }
@@ -102,20 +125,36 @@ func (c *Coordinator) exclude(id, reason string) {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
+		if w.exclusion == "" {
+			c.metrics.excluded.Inc()
+		}
 		w.draining, w.exclusion = true, reason
+		c.rouse()
 		c.log.Error("worker is excluded", "worker", w.id, "name", w.name, "version", w.version, "reason", reason)
 	}
+}
+
+// isExcluded tells whether a worker was found to render wrong.
+func (c *Coordinator) isExcluded(id string) bool {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	w := c.workers[id]
+	return w != nil && w.exclusion != ""
 }
 
 // excluded lists the workers that were found to render wrong.
 func (c *Coordinator) excluded() map[string]bool {
 	c.mu.Lock()
 	defer c.mu.Unlock()
-	excluded := make(map[string]bool)
+	var excluded map[string]bool
 	for id, w := range c.workers {
-		if w.exclusion != "" {
-			excluded[id] = true
+		if w.exclusion == "" {
+			continue
 		}
+		if excluded == nil {
+			excluded = make(map[string]bool)
+		}
+		excluded[id] = true
 	}
 	return excluded
 }
@@ -133,6 +172,19 @@ func (c *Coordinator) renderers(version string) []string {
 	return ids
 }
 
+// threadsOf counts the render threads of the live workers of a version that take work.
+func (c *Coordinator) threadsOf(version string) int {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	n := 0
+	for _, w := range c.workers {
+		if w.version == version && !w.draining && !c.lost(w) {
+			n += max(w.threads, 1)
+		}
+	}
+	return n
+}
+
 // describe names a worker for people.
 func (c *Coordinator) describe(id string) string {
 	c.mu.Lock()
@@ -141,6 +193,14 @@ func (c *Coordinator) describe(id string) string {
 		return fmt.Sprintf("%s (%s)", w.name, id)
 	}
 	return id
+}
+
+func (c *Coordinator) describeAll(ids []string) string {
+	described := make([]string, len(ids))
+	for i, id := range ids {
+		described[i] = c.describe(id)
+	}
+	return strings.Join(described, ", ")
 }
 
 func (c *Coordinator) forgetWorkers() {
@@ -187,6 +247,8 @@ func (c *Coordinator) workerView(w *worker, held int) job.Worker {
 		state = "lost"
 	case w.draining:
 		state = "draining"
+	case w.inQuarantine(c.options.Now()):
+		state = "quarantined"
 	case held > 0:
 		state = "busy"
 	}
@@ -201,7 +263,6 @@ func (c *Coordinator) workerView(w *worker, held int) job.Worker {
 // Drain implements api.Service.
 func (c *Coordinator) Drain(_ context.Context, id string) (job.Worker, error) {
 	held := c.heldByWorker()
-	defer c.announce() // a waiting lease call then tells the worker
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	w := c.workers[id]
@@ -209,5 +270,6 @@ func (c *Coordinator) Drain(_ context.Context, id string) (job.Worker, error) {
 		return job.Worker{}, fmt.Errorf("worker %q: %w", id, job.ErrNotFound)
 	}
 	w.draining = true
+	c.rouse() // a waiting lease call then tells the worker
 	return c.workerView(w, held[id]), nil
 }

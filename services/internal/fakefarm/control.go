@@ -30,6 +30,32 @@ func (f *Farm) Finish(_ context.Context, id string) (job.Snapshot, error) {
 	})
 }
 
+// Change changes a job's name or priority.
+func (f *Farm) Change(_ context.Context, id string, change job.Change) (job.Snapshot, error) {
+	return f.act(id, "changed", func(s *job.Snapshot) { change.Apply(&s.Request) })
+}
+
+// Refine lets a job that has ended go on with other stop rules.
+func (f *Farm) Refine(_ context.Context, id string, stop job.StopRules) (job.Snapshot, error) {
+	f.mutex.Lock()
+	defer f.mutex.Unlock()
+	r, err := f.find(id)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	if !r.snapshot.State.Ended() {
+		return job.Snapshot{}, fmt.Errorf("%w: job %s is %s", job.ErrConflict, id, r.snapshot.State)
+	}
+	request, err := r.snapshot.Request.Refined(stop, false)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	r.snapshot.Request, r.snapshot.State, r.snapshot.StopReason = request, job.Rendering, ""
+	r.snapshot.Refinements++
+	f.publish(r, job.Event{Kind: "state", Message: "refined"})
+	return r.snapshot, nil
+}
+
 func (f *Farm) act(id, message string, change func(*job.Snapshot)) (job.Snapshot, error) {
 	f.mutex.Lock()
 	defer f.mutex.Unlock()

@@ -11,6 +11,7 @@ import (
 	"sync"
 	"time"
 
+	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/job"
 )
 
@@ -25,11 +26,12 @@ type Farm struct {
 }
 
 type record struct {
-	snapshot job.Snapshot
-	points   []job.ConvergencePoint
-	events   []job.Event
-	image    *job.Image
-	watchers map[chan job.Event]bool
+	submitted job.Request // but for its priority
+	snapshot  job.Snapshot
+	points    []job.ConvergencePoint
+	events    []job.Event
+	image     *job.Image
+	watchers  map[chan job.Event]bool
 }
 
 // New makes a farm without jobs; now nil means time.Now.
@@ -41,15 +43,17 @@ func New(now func() time.Time) *Farm {
 }
 
 // Submit adds a queued job named j1, j2, ...
-func (f *Farm) Submit(_ context.Context, request job.Request, key string) (job.Snapshot, error) {
+func (f *Farm) Submit(ctx context.Context, request job.Request, key string) (job.Snapshot, error) {
 	if err := request.Validate(); err != nil {
 		return job.Snapshot{}, err
 	}
+	submitted := request
+	submitted.Priority = 0
 	f.mutex.Lock()
 	defer f.mutex.Unlock()
 	if id, found := f.keys[key]; found && key != "" {
-		if first := f.jobs[id].snapshot; reflect.DeepEqual(first.Request, request) {
-			return first, nil
+		if first := f.jobs[id]; reflect.DeepEqual(first.submitted, submitted) {
+			return first.snapshot, nil
 		}
 		return job.Snapshot{}, fmt.Errorf("%w: the Idempotency-Key was used for another job", job.ErrConflict)
 	}
@@ -57,8 +61,9 @@ func (f *Farm) Submit(_ context.Context, request job.Request, key string) (job.S
 	f.keys[key] = id
 	f.order = append(f.order, id)
 	f.jobs[id] = &record{
+		submitted: submitted,
 		snapshot: job.Snapshot{
-			ID: id, Request: request, State: job.Queued, CreatedAt: f.now(), Seed: request.Seed,
+			ID: id, User: auth.From(ctx).User, Request: request, State: job.Queued, CreatedAt: f.now(), Seed: request.Seed,
 			Anomalies: map[string]uint64{},
 		},
 		watchers: make(map[chan job.Event]bool),
@@ -159,6 +164,19 @@ func (f *Farm) Jobs(_ context.Context, cursor string, limit int) ([]job.Snapshot
 		return jobs, ids[limit-1], nil
 	}
 	return jobs, "", nil
+}
+
+// Live lists the jobs that have not ended.
+func (f *Farm) Live(context.Context) ([]job.Snapshot, error) {
+	f.mutex.Lock()
+	defer f.mutex.Unlock()
+	var jobs []job.Snapshot
+	for _, id := range f.order {
+		if snapshot := f.jobs[id].snapshot; !snapshot.State.Ended() {
+			jobs = append(jobs, snapshot)
+		}
+	}
+	return jobs, nil
 }
 
 // Delete removes a job that has ended.

@@ -4,15 +4,21 @@ package farm
 
 import (
 	"context"
+	"crypto/tls"
 	"errors"
+	"fmt"
 	"io"
 	"log/slog"
 	"net"
 	"time"
 
+	grpcprom "github.com/grpc-ecosystem/go-grpc-middleware/providers/prometheus"
+	"github.com/prometheus/client_golang/prometheus"
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/codes"
+	"google.golang.org/grpc/credentials"
 	"google.golang.org/grpc/keepalive"
+	"google.golang.org/grpc/peer"
 	"google.golang.org/grpc/status"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
@@ -29,16 +35,32 @@ const (
 	chunkBytes = 512 << 10
 	// stopTimeout bounds the wait for calls under way.
 	stopTimeout = 5 * time.Second
-	// A worker whose connection is silent for keepaliveTime is pinged.
+	// A worker whose connection is silent for keepaliveTime is pinged; one that pings more often than
+	// every pingPause is cut off.
 	keepaliveTime    = 10 * time.Second
 	keepaliveTimeout = 5 * time.Second
+	pingPause        = time.Second
+	// handshakeTimeout is what a new connection has to show that it is a worker.
+	handshakeTimeout = 10 * time.Second
+	// maxStreams of one connection, generous beside a worker's lease, heartbeat, bundle and two
+	// deliveries; each may hold a message.
+	maxStreams     = 32
+	maxHeaderBytes = 16 << 10
+	// streamWindow is what a call may have sent before it is read: a delivery that waits for room has
+	// no more in memory.
+	streamWindow = 256 << 10
 )
 
-// Options of a server; all are required.
+// Options of a server.
 type Options struct {
+	// Farm and Blobs are required.
 	Farm   *coordinator.Coordinator
 	Blobs  *blob.Store
 	Logger *slog.Logger
+	// TLS for the connections, which should ask for workers' certificates; nil: none.
+	TLS *tls.Config
+	// Calls counts the workers' calls; nil: nobody does.
+	Calls *grpcprom.ServerMetrics
 }
 
 // Server is the gRPC server.
@@ -59,14 +81,47 @@ func NewServer(o Options) *Server {
 	}
 	s := &Server{farm: o.Farm, blobs: o.Blobs, log: o.Logger}
 	s.ctx, s.end = context.WithCancel(context.Background())
-	s.grpc = grpc.NewServer(
+	s.grpc = grpc.NewServer(append(counting(o.Calls), serverOptions(o.TLS)...)...)
+	farmv1.RegisterFarmServiceServer(s.grpc, s)
+	if o.Calls != nil {
+		o.Calls.InitializeMetrics(s.grpc)
+	}
+	return s
+}
+
+func serverOptions(secure *tls.Config) []grpc.ServerOption {
+	options := []grpc.ServerOption{
 		grpc.MaxRecvMsgSize(maxMessage),
 		grpc.MaxSendMsgSize(maxMessage),
+		grpc.MaxConcurrentStreams(maxStreams),
+		grpc.MaxHeaderListSize(maxHeaderBytes),
+		grpc.InitialWindowSize(streamWindow),
+		grpc.InitialConnWindowSize(4 * streamWindow),
+		grpc.ConnectionTimeout(handshakeTimeout),
 		grpc.KeepaliveParams(keepalive.ServerParameters{Time: keepaliveTime, Timeout: keepaliveTimeout}),
-		grpc.KeepaliveEnforcementPolicy(keepalive.EnforcementPolicy{MinTime: time.Second, PermitWithoutStream: true}),
-	)
-	farmv1.RegisterFarmServiceServer(s.grpc, s)
-	return s
+		grpc.KeepaliveEnforcementPolicy(keepalive.EnforcementPolicy{MinTime: pingPause, PermitWithoutStream: true}),
+	}
+	if secure != nil {
+		options = append(options, grpc.Creds(credentials.NewTLS(secure)))
+	}
+	return options
+}
+
+// NewCalls makes what counts the calls of workers, by method and code, under the names that
+// dashboards of gRPC servers know (grpc_server_handled_total and others).
+func NewCalls() *grpcprom.ServerMetrics {
+	return grpcprom.NewServerMetrics(grpcprom.WithServerHandlingTimeHistogram(
+		grpcprom.WithHistogramBuckets(prometheus.ExponentialBuckets(0.001, 4, 8))))
+}
+
+func counting(calls *grpcprom.ServerMetrics) []grpc.ServerOption {
+	if calls == nil {
+		return nil
+	}
+	return []grpc.ServerOption{
+		grpc.ChainUnaryInterceptor(calls.UnaryServerInterceptor()),
+		grpc.ChainStreamInterceptor(calls.StreamServerInterceptor()),
+	}
 }
 
 // Serve serves a listener until Stop.
@@ -91,7 +146,24 @@ func (s *Server) Stop() {
 // Register implements FarmService.
 func (s *Server) Register(ctx context.Context, in *farmv1.RegisterRequest) (*farmv1.RegisterResponse, error) {
 	out, err := s.farm.Register(ctx, in)
+	if subject := subjectOf(ctx); err == nil && subject != "" {
+		s.log.InfoContext(ctx, "worker's certificate", slog.String("worker", out.GetWorkerId()), slog.String("subject", subject))
+	}
 	return out, toStatus(err)
+}
+
+// subjectOf the certificate that a caller showed; empty without TLS.
+func subjectOf(ctx context.Context) string {
+	from, known := peer.FromContext(ctx)
+	if !known {
+		return ""
+	}
+	info, secure := from.AuthInfo.(credentials.TLSInfo)
+	if !secure || len(info.State.PeerCertificates) == 0 {
+		return ""
+	}
+	leaf := info.State.PeerCertificates[0]
+	return fmt.Sprintf("%s, serial %x", leaf.Subject, leaf.SerialNumber)
 }
 
 // Lease implements FarmService.
@@ -118,28 +190,46 @@ func (s *Server) Report(ctx context.Context, in *farmv1.ReportRequest) (*farmv1.
 	return out, toStatus(err)
 }
 
-// Deliver implements FarmService. A batch whose fate is known early is still read to its end, so
-// that the worker never sees a broken stream instead of the answer.
+// Release implements FarmService.
+func (s *Server) Release(ctx context.Context, in *farmv1.ReleaseRequest) (*farmv1.ReleaseResponse, error) {
+	out, err := s.farm.Release(ctx, in)
+	return out, toStatus(err)
+}
+
+// Deliver implements FarmService. Nothing is read before the coordinator has room for it. A batch
+// whose fate is known early is still read to its end, so that the worker never sees a broken stream
+// instead of the answer.
 func (s *Server) Deliver(stream grpc.ClientStreamingServer[farmv1.DeliverRequest, farmv1.DeliverResponse]) error {
-	first, err := stream.Recv()
-	if err != nil {
-		return err
-	}
-	if first.GetHeader() == nil {
-		return status.Error(codes.InvalidArgument, "the first message is not the header")
-	}
-	delivery, err := s.farm.StartDelivery(stream.Context(), first.GetHeader())
+	delivery, err := s.farm.Admit(stream.Context())
 	if err != nil {
 		return toStatus(err)
+	}
+	answer, err := receive(stream, delivery)
+	if err != nil {
+		delivery.Finish(false)
+		return err
+	}
+	return stream.SendAndClose(answer)
+}
+
+func receive(stream grpc.ClientStreamingServer[farmv1.DeliverRequest, farmv1.DeliverResponse], delivery *coordinator.Delivery) (*farmv1.DeliverResponse, error) {
+	first, err := stream.Recv()
+	if err != nil {
+		return nil, err
+	}
+	if first.GetHeader() == nil {
+		return nil, status.Error(codes.InvalidArgument, "the first message is not the header")
+	}
+	if err := delivery.Open(stream.Context(), first.GetHeader()); err != nil {
+		return nil, toStatus(err)
 	}
 	for {
 		message, err := stream.Recv()
 		if errors.Is(err, io.EOF) {
-			return stream.SendAndClose(delivery.Finish(true))
+			return delivery.Finish(true), nil
 		}
 		if err != nil {
-			delivery.Finish(false)
-			return err
+			return nil, err
 		}
 		delivery.Add(message.GetTiles().GetTiles())
 	}
@@ -147,7 +237,7 @@ func (s *Server) Deliver(stream grpc.ClientStreamingServer[farmv1.DeliverRequest
 
 // FetchBundle implements FarmService.
 func (s *Server) FetchBundle(in *farmv1.FetchBundleRequest, stream grpc.ServerStreamingServer[farmv1.FetchBundleResponse]) error {
-	files, err := s.blobs.Manifest(in.GetBundleDigest())
+	files, err := s.blobs.Manifest(stream.Context(), in.GetBundleDigest())
 	if err != nil {
 		return toStatus(err)
 	}
@@ -168,7 +258,7 @@ func (s *Server) FetchBundle(in *farmv1.FetchBundleRequest, stream grpc.ServerSt
 }
 
 func (s *Server) sendFile(stream grpc.ServerStreamingServer[farmv1.FetchBundleResponse], f blob.File) error {
-	r, err := s.blobs.OpenFile(f.SHA256)
+	r, err := s.blobs.OpenFile(stream.Context(), f.SHA256)
 	if err != nil {
 		return err
 	}
@@ -185,7 +275,9 @@ func (s *Server) sendFile(stream grpc.ServerStreamingServer[farmv1.FetchBundleRe
 			return err
 		}
 	}
-	return nil
+	// At its end the content is compared with its digest.
+	_, err = io.Copy(io.Discard, r)
+	return err
 }
 
 // toStatus is the one place where errors become gRPC codes.
@@ -197,6 +289,10 @@ func toStatus(err error) error {
 		return status.Error(codes.NotFound, err.Error())
 	case errors.Is(err, job.ErrInvalid), errors.Is(err, blob.ErrName):
 		return status.Error(codes.InvalidArgument, err.Error())
+	case errors.Is(err, coordinator.ErrBusy):
+		return status.Error(codes.ResourceExhausted, err.Error())
+	case errors.Is(err, job.ErrUnavailable):
+		return status.Error(codes.Unavailable, err.Error())
 	case errors.Is(err, context.Canceled):
 		return status.Error(codes.Canceled, err.Error())
 	case errors.Is(err, context.DeadlineExceeded):

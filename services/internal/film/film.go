@@ -47,10 +47,11 @@ func (f *Film) Shape() Shape { return f.shape }
 // Add adds a tile. Requires: t was checked against this film's shape (see DecodeTile).
 func (f *Film) Add(t Tile) {
 	s := f.writable(t.Index, len(t.Values))
+	lows, highs := s.lo[:len(t.Values)], s.hi[:len(t.Values)]
 	for i, v := range t.Values {
-		lo, carry := bits.Add64(s.lo[i], uint64(v), 0)
-		s.lo[i] = lo
-		s.hi[i] += v>>63 + int64(carry)
+		lo, carry := bits.Add64(lows[i], uint64(v), 0)
+		lows[i] = lo
+		highs[i] += v>>63 + int64(carry)
 	}
 }
 

@@ -5,6 +5,7 @@ import (
 	"math"
 	"math/big"
 	"math/rand/v2"
+	"slices"
 	"testing"
 
 	"github.com/klauspost/compress/zstd"
@@ -143,6 +144,20 @@ func TestWireRoundTripAndDigest(t *testing.T) {
 		if digest != splats {
 			t.Errorf("%+v: digest %x of the tile, %x of its splats", a, digest, splats)
 		}
+	}
+}
+
+// TestUnshuffleIsTheInverse with all 64 bits of some values, and none of others.
+func TestUnshuffleIsTheInverse(t *testing.T) {
+	random := rand.New(rand.NewPCG(9, 10))
+	want := make([]int64, LowTileValues)
+	for i := range want {
+		if i/8%3 > 0 {
+			want[i] = int64(random.Uint64())
+		}
+	}
+	if got := unshuffle(shuffle(want)); !slices.Equal(got, want) {
+		t.Error("values changed")
 	}
 }
 

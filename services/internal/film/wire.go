@@ -1,8 +1,10 @@
 package film
 
 import (
+	"encoding/binary"
 	"errors"
 	"fmt"
+	"sync"
 
 	"github.com/klauspost/compress/zstd"
 
@@ -16,6 +18,7 @@ var ErrMalformed = errors.New("malformed tile")
 type Codec struct {
 	decoder *zstd.Decoder
 	encoder *zstd.Encoder
+	raw     sync.Pool // of *[]byte: where tiles are unpacked to
 }
 
 // NewCodec returns a codec whose decoder refuses frames that would unpack to more than one tile.
@@ -30,7 +33,9 @@ func NewCodec() (*Codec, error) {
 	if err != nil {
 		return nil, fmt.Errorf("film: %w", err)
 	}
-	return &Codec{decoder: decoder, encoder: encoder}, nil
+	c := &Codec{decoder: decoder, encoder: encoder}
+	c.raw.New = func() any { return new(make([]byte, FullTileValues*8)) }
+	return c, nil
 }
 
 // DecodeTile checks a tile against the shape and returns its values and its part of the batch
@@ -43,7 +48,9 @@ func (c *Codec) DecodeTile(shape Shape, t *farmv1.Tile) (Tile, uint64, error) {
 	}
 	r := shape.region(a)
 	size := r.values() * 8
-	raw, err := c.decoder.DecodeAll(t.GetData(), make([]byte, 0, size))
+	buffer := c.raw.Get().(*[]byte) // only New fills it
+	defer c.raw.Put(buffer)
+	raw, err := c.decoder.DecodeAll(t.GetData(), (*buffer)[:0:size])
 	if err != nil {
 		return Tile{}, 0, fmt.Errorf("%w: %+v: %w", ErrMalformed, a, err)
 	}
@@ -91,14 +98,46 @@ func shuffle(values []int64) []byte {
 	return out
 }
 
+// unshuffle is the inverse. Both sizes of tiles are multiples of 8, so it takes 8 values at a time;
+// where there was no light they are all zero.
 func unshuffle(raw []byte) []int64 {
 	n := len(raw) / 8
 	values := make([]int64, n)
-	for k := range 8 {
-		plane := raw[k*n : (k+1)*n]
-		for i, b := range plane {
-			values[i] |= int64(b) << (8 * k)
+	for i := 0; i < n; i += 8 {
+		var block [8]uint64
+		any := uint64(0)
+		for k := range block {
+			block[k] = binary.LittleEndian.Uint64(raw[k*n+i:])
+			any |= block[k]
+		}
+		if any == 0 {
+			continue
+		}
+		transpose(&block)
+		for k, v := range block {
+			values[i+k] = int64(v)
 		}
 	}
 	return values
+}
+
+// transpose makes byte k of word i byte i of word k: it exchanges the off-diagonal quarters of the
+// square of 8 x 8 bytes, then those of each quarter, then those of each of their quarters.
+func transpose(block *[8]uint64) {
+	for k := range 4 {
+		exchange(&block[k], &block[k+4], 32, 0x00000000ffffffff)
+	}
+	for _, k := range [4]int{0, 1, 4, 5} {
+		exchange(&block[k], &block[k+2], 16, 0x0000ffff0000ffff)
+	}
+	for k := 0; k < 8; k += 2 {
+		exchange(&block[k], &block[k+1], 8, 0x00ff00ff00ff00ff)
+	}
+}
+
+// exchange the bits of a above shift, as far as the mask goes, with those of b below it.
+func exchange(a, b *uint64, shift int, mask uint64) {
+	t := (*a>>shift ^ *b) & mask
+	*a ^= t << shift
+	*b ^= t
 }

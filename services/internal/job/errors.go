@@ -12,6 +12,8 @@ var (
 	ErrNoReport = errors.New("no worker has looked at the scene yet")
 	// ErrNoImage: no round is complete yet.
 	ErrNoImage = errors.New("no round is complete yet")
+	// ErrUnavailable: it cannot be done or told right now; asking again later may help.
+	ErrUnavailable = errors.New("not available at the moment")
 	// ErrInvalid: the request is wrong; see FieldError for where.
 	ErrInvalid = errors.New("invalid request")
 )

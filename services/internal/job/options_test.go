@@ -23,7 +23,7 @@ func jsonFields(t reflect.Type, prefix string) []string {
 }
 
 func TestEveryFieldIsAnOption(t *testing.T) {
-	options := map[string]bool{"scene": true, "entry": true, "inspect_only": true, "resolved": true}
+	options := map[string]bool{"scene": true, "entry": true, "inspect_only": true, "priority": true, "resolved": true}
 	flags := map[string]bool{}
 	for _, o := range Options() {
 		if options[o.Field] || flags[o.Flag] {

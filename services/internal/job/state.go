@@ -8,15 +8,18 @@ import (
 // transitions of the state machine. A repeated path job has its film unit already and goes from
 // Inspecting to Rendering; a scene without light is Done after Bootstrapping, a job that only
 // inspects after Inspecting. A restarted
-// coordinator puts a job that has no checkpoint back to Queued, which is no transition of its life.
+// coordinator puts a job that has no checkpoint back to Queued, which is no transition of its life. A
+// job that is refined goes on from its last checkpoint.
 var transitions = map[State][]State{
 	Queued:        {Inspecting, Failed, Canceled},
 	Inspecting:    {Bootstrapping, Rendering, Done, Failed, Canceled},
 	Bootstrapping: {Rendering, Done, Failed, Canceled},
 	Rendering:     {Done, Failed, Canceled},
+	Done:          {Rendering},
+	Canceled:      {Rendering},
 }
 
-// Ended tells whether the state is terminal.
+// Ended tells whether nothing more happens to the job by itself.
 func (s State) Ended() bool { return s == Done || s == Failed || s == Canceled }
 
 // To checks a transition; it fails with ErrConflict if the state machine has no such edge.

@@ -6,7 +6,7 @@ import (
 	"time"
 )
 
-// State of a job's life. Terminal states are Done, Failed and Canceled.
+// State of a job's life. It ends as Done, Failed or Canceled, unless it is refined.
 type State string
 
 // The states, in the order in which an undisturbed job passes them.
@@ -32,8 +32,11 @@ const (
 // Request is what a user asks for. A zero value of an optional field means "choose for me"; Options
 // has what each does.
 type Request struct {
-	// Name for people; defaults to the scene file's name.
+	// Name for people; defaults to the scene file's name. It can be changed later.
 	Name string `json:"name,omitempty"`
+	// Priority among the jobs of all users, from -100 to 100: higher goes first. It can be changed later
+	// and does not change the image.
+	Priority int `json:"priority,omitempty"`
 	// Scene is the digest of a stored bundle.
 	Scene string `json:"scene"`
 	// Entry is the scene file's path inside the bundle.
@@ -172,18 +175,25 @@ type Technique struct {
 
 // Snapshot is the public view of a job at one moment.
 type Snapshot struct {
-	ID      string  `json:"id"`
+	ID string `json:"id"`
+	// User who submitted it; empty where the server asks for no tokens.
+	User    string  `json:"user,omitempty"`
 	Request Request `json:"request"`
 	State   State   `json:"state"`
 	Paused  bool    `json:"paused"`
 	// PauseReason says why the job paused itself and what to do; empty if the user paused it.
-	PauseReason string     `json:"pause_reason,omitempty"`
-	Error       string     `json:"error,omitempty"`
-	CreatedAt   time.Time  `json:"created_at"`
-	StartedAt   *time.Time `json:"started_at,omitempty"`
-	EndedAt     *time.Time `json:"ended_at,omitempty"`
+	PauseReason string `json:"pause_reason,omitempty"`
+	// QueuePosition among the jobs of its coordinator that have work for more workers: the next free
+	// one goes to 1. Absent if the job has none.
+	QueuePosition int        `json:"queue_position,omitempty"`
+	Error         string     `json:"error,omitempty"`
+	CreatedAt     time.Time  `json:"created_at"`
+	StartedAt     *time.Time `json:"started_at,omitempty"`
+	EndedAt       *time.Time `json:"ended_at,omitempty"`
 	// StopReason says which rule ended the job, once it is done.
 	StopReason string `json:"stop_reason,omitempty"`
+	// Refinements counts how often the job went on with other stop rules, those of Request now.
+	Refinements uint64 `json:"refinements,omitempty"`
 
 	Integrator string `json:"integrator,omitempty"`
 	Width      int    `json:"width,omitempty"`
@@ -226,8 +236,19 @@ type Snapshot struct {
 	Anomalies     map[string]uint64 `json:"anomalies"`
 	FilmSHA256    string            `json:"film_sha256,omitempty"`
 	Warnings      []string          `json:"warnings,omitempty"`
+	// Stale: this is what was last stored; the coordinator that runs the job could not be asked.
+	Stale bool `json:"stale,omitempty"`
+	// Owner is the URL of the coordinator that runs the job, if it is another one.
+	Owner string `json:"-"`
 	// Resolved spec in protobuf JSON, once known: submit it as Request.Resolved to repeat the job.
 	Resolved string `json:"resolved,omitempty"`
+}
+
+// Brief leaves out what only those need who look at one job.
+func (s Snapshot) Brief() Snapshot {
+	s.Request.Resolved, s.Resolved = "", ""
+	s.Lengths, s.Techniques, s.Warnings = nil, nil, nil
+	return s
 }
 
 // Image is a developed snapshot: linear RGB and the estimated variance of each pixel's mean.
@@ -257,12 +278,17 @@ type ImageLayer struct {
 type Event struct {
 	// Sequence grows by one per event of a job, from 1; it is the SSE id.
 	Sequence uint64 `json:"sequence"`
-	// Kind is state, progress, round, image, warning, fault or anomaly.
+	// Kind is state, progress, round, image, warning, fault, anomaly or log.
 	Kind string `json:"kind"`
 	// At is when it happened.
 	At time.Time `json:"at"`
 	// Message for people.
 	Message string `json:"message,omitempty"`
+	// Coordinator that says so, and the epoch under which it owns the job.
+	Coordinator string `json:"coordinator,omitempty"`
+	Epoch       uint64 `json:"epoch,omitempty"`
+	// Attributes by name: the worker, the round, and what else the message is about.
+	Attributes map[string]any `json:"attributes,omitempty"`
 	// Job is the snapshot after the event (state, progress and round events).
 	Job *Snapshot `json:"job,omitempty"`
 	// Convergence is the point added by a round event.
@@ -275,7 +301,7 @@ type Worker struct {
 	Name               string    `json:"name"`
 	Version            string    `json:"version"`
 	Threads            int       `json:"threads"`
-	State              string    `json:"state"` // idle, busy, draining or lost
+	State              string    `json:"state"` // idle, busy, quarantined, draining or lost
 	LastContact        time.Time `json:"last_contact"`
 	LeasedSegments     int       `json:"leased_segments"`
 	Activity           string    `json:"activity,omitempty"`

@@ -3,6 +3,7 @@ package job
 import (
 	"fmt"
 	"math"
+	"path"
 	"slices"
 	"strings"
 )
@@ -17,6 +18,7 @@ const (
 	maxPerPixel  = 1 << 40
 	maxRounds    = 64
 	maxSeconds   = 1e9
+	maxPriority  = 100 // and least, negative
 )
 
 // Validate checks everything that can be checked without the scene. Its errors are *FieldError.
@@ -37,12 +39,35 @@ func (r *Request) validateScene() error {
 		return invalid("scene", "is missing: the digest of a stored bundle")
 	case r.Entry == "":
 		return invalid("entry", "is missing: the scene file's path inside the bundle")
-	case len(r.Name) > maxNameBytes:
-		return invalid("name", "is longer than %d bytes", maxNameBytes)
 	case len(r.Defaults) > maxDefaults:
 		return invalid("defaults", "has more than %d entries", maxDefaults)
 	}
+	if err := validateName(r.Name); err != nil {
+		return err
+	}
+	return validatePriority(r.Priority)
+}
+
+func validateName(name string) error {
+	if len(name) > maxNameBytes {
+		return invalid("name", "is longer than %d bytes", maxNameBytes)
+	}
 	return nil
+}
+
+func validatePriority(priority int) error {
+	if priority < -maxPriority || priority > maxPriority {
+		return invalid("priority", "is %d, outside -%d..%d", priority, maxPriority, maxPriority)
+	}
+	return nil
+}
+
+// SetDefaultName gives a request without a name that of its scene file.
+func (r *Request) SetDefaultName() {
+	if r.Name == "" {
+		name := path.Base(r.Entry)
+		r.Name = strings.ToValidUTF8(name[:min(len(name), maxNameBytes)], "")
+	}
 }
 
 func (r *Request) validateChoices() error {

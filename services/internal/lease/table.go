@@ -5,6 +5,7 @@ package lease
 
 import (
 	"cmp"
+	"maps"
 	"slices"
 	"time"
 )
@@ -54,6 +55,9 @@ type Table struct {
 	finished  int
 	spent     time.Duration // from grant to Done, over finished tasks
 	checked   time.Time     // of the last Expire
+	deadline  time.Time     // no lease runs out before; zero without leases
+	load      load
+	linger    time.Duration // see Linger
 }
 
 // NewTable returns an empty table. nextEpoch must grow with every call, over all tables and
@@ -80,6 +84,7 @@ func (t *Table) put(id string, order uint64, apart bool) {
 	t.tasks[id] = added
 	at, _ := slices.BinarySearchFunc(t.ordered, order, func(k *task, o uint64) int { return cmp.Compare(k.order, o) })
 	t.ordered = slices.Insert(t.ordered, at, added)
+	t.load.waiting.Add(1)
 }
 
 // Bar keeps a worker from getting an open task.
@@ -95,6 +100,10 @@ func (t *Table) Suits(id, worker string) bool {
 	k := t.tasks[id]
 	return k != nil && !k.barred[worker] && k.failures[worker] == 0
 }
+
+// Linger says how long finished work may stay with its worker before it is delivered: nothing
+// straggles before that.
+func (t *Table) Linger(d time.Duration) { t.linger = d }
 
 // Open is the number of tasks that are not done.
 func (t *Table) Open() int { return len(t.tasks) }
@@ -136,39 +145,66 @@ func (t *Table) Done(id string, now time.Time) {
 		t.finished++
 		t.spent += now.Sub(k.holders[0].granted)
 	}
-	delete(t.tasks, id)
-	t.ordered = slices.DeleteFunc(t.ordered, func(o *task) bool { return o == k })
+	t.remove(k)
 }
 
 // Drop closes a task whose result is not wanted any more.
 func (t *Table) Drop(id string) {
-	delete(t.tasks, id)
-	t.ordered = slices.DeleteFunc(t.ordered, func(k *task) bool { return k.id == id })
-}
-
-// Release gives a lease back without blame; the task waits again unless another holds it.
-func (t *Table) Release(ref Ref, worker string) {
-	if k := t.tasks[ref.Task]; k != nil {
-		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool {
-			return h.epoch == ref.Epoch && h.worker == worker
-		})
+	if k := t.tasks[id]; k != nil {
+		t.remove(k)
 	}
 }
 
-// ReleaseWorker gives all leases of a worker back without blame.
-func (t *Table) ReleaseWorker(worker string) {
+func (t *Table) remove(k *task) {
+	t.setHolders(k, nil)
+	t.load.waiting.Add(-1)
+	delete(t.tasks, k.id)
+	t.ordered = slices.DeleteFunc(t.ordered, func(o *task) bool { return o == k })
+}
+
+// Clear drops all tasks and forgets how long such tasks took.
+func (t *Table) Clear() {
+	clear(t.tasks)
+	t.ordered, t.finished, t.spent, t.deadline = nil, 0, 0, time.Time{}
+	t.load.clear()
+}
+
+// without ends those leases of a task that a function picks, and tells how many.
+func (t *Table) without(k *task, picks func(holding) bool) (ended int) {
+	before := len(k.holders)
+	t.setHolders(k, slices.DeleteFunc(k.holders, picks))
+	return before - len(k.holders)
+}
+
+func (t *Table) setHolders(k *task, holders []holding) {
+	t.load.change(len(k.holders), len(holders))
+	k.holders = holders
+}
+
+// Release gives a lease back without blame; the task waits again unless another holds it. False: the
+// worker did not hold this lease.
+func (t *Table) Release(ref Ref, worker string) (held bool) {
+	if !t.Held(ref, worker) {
+		return false
+	}
+	t.without(t.tasks[ref.Task], func(h holding) bool { return h.epoch == ref.Epoch && h.worker == worker })
+	return true
+}
+
+// ReleaseWorker gives all leases of a worker back without blame, and tells how many those were.
+func (t *Table) ReleaseWorker(worker string) (released int) {
 	for _, k := range t.ordered {
-		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool { return h.worker == worker })
+		released += t.without(k, func(h holding) bool { return h.worker == worker })
 	}
+	return released
 }
 
 // Fail gives a lease back because the worker could not do the task. False: the worker did not hold
 // this lease, nothing changed.
 func (t *Table) Fail(ref Ref, worker, evidence string) bool {
-	if t.holding(ref, worker) == nil {
+	if !t.Release(ref, worker) {
 		return false
 	}
-	t.Release(ref, worker)
 	k := t.tasks[ref.Task]
 	k.failures[worker]++
 	k.evidence = evidence
@@ -191,10 +227,15 @@ func (t *Table) Expire(now time.Time) []Expired {
 		t.extend(now)
 		return nil
 	}
+	if t.deadline.IsZero() || now.Before(t.deadline) {
+		return nil
+	}
 	var expired []Expired
+	t.deadline = time.Time{}
 	for _, k := range t.ordered {
-		k.holders = slices.DeleteFunc(k.holders, func(h holding) bool {
+		t.without(k, func(h holding) bool {
 			if now.Before(h.deadline) {
+				t.expectDeadline(h.deadline)
 				return false
 			}
 			expired = append(expired, Expired{Ref{k.id, h.epoch}, h.worker})
@@ -204,11 +245,27 @@ func (t *Table) Expire(now time.Time) []Expired {
 	return expired
 }
 
+// expectDeadline keeps the time at which Expire has to look at the leases again: renewals only move
+// theirs on.
+func (t *Table) expectDeadline(deadline time.Time) {
+	if t.deadline.IsZero() || deadline.Before(t.deadline) {
+		t.deadline = deadline
+	}
+}
+
 // NoteLost notes that a worker was lost while it held a task. A lease that ran out although its
 // worker is alive was dropped, which says nothing about the task.
 func (t *Table) NoteLost(id, worker string) {
 	if k := t.tasks[id]; k != nil {
 		k.lost[worker] = true
+	}
+}
+
+// Forgive takes back all that NoteLost noted of a worker: it was heard of again, so no task took it
+// down.
+func (t *Table) Forgive(worker string) {
+	for _, k := range t.ordered {
+		delete(k.lost, worker)
 	}
 }
 
@@ -222,29 +279,30 @@ func (t *Table) extend(now time.Time) {
 
 // Poison is a task that must not be tried again.
 type Poison struct {
-	Task     string
-	Workers  int // distinct workers that failed on it or were lost with it
-	Evidence string
+	Task         string
+	Failed, Lost []string // distinct workers that failed on it, and others that were lost with it
+	Evidence     string   // what the last that failed said
 }
 
-// Poisoned returns a task, not put apart, that failed on, or was lost with, three distinct workers, or that failed
-// three times on one worker while alone says that there is no other to try.
+// Poisoned returns a task, not put apart, that failed on, or was lost with, three distinct workers, or
+// that failed three times on one worker while alone says that there is no other to try.
 func (t *Table) Poisoned(alone bool) (Poison, bool) {
 	for _, k := range t.ordered {
 		if k.apart {
 			continue
 		}
-		workers, repeats := len(k.failures), 0
-		for worker := range k.lost {
+		p := Poison{Task: k.id, Failed: slices.Sorted(maps.Keys(k.failures)), Evidence: k.evidence}
+		for _, worker := range slices.Sorted(maps.Keys(k.lost)) {
 			if k.failures[worker] == 0 {
-				workers++
+				p.Lost = append(p.Lost, worker)
 			}
 		}
+		repeats := 0
 		for _, n := range k.failures {
 			repeats = max(repeats, n)
 		}
-		if workers >= poisonWorkers || alone && repeats >= poisonRepeats {
-			return Poison{Task: k.id, Workers: workers, Evidence: k.evidence}, true
+		if len(p.Failed)+len(p.Lost) >= poisonWorkers || alone && repeats >= poisonRepeats {
+			return p, true
 		}
 	}
 	return Poison{}, false

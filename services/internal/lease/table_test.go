@@ -107,7 +107,7 @@ func TestPoison(t *testing.T) {
 		}
 		k.NoteLost(e.Task, e.Worker)
 	}
-	if p, poisoned := k.Poisoned(false); !poisoned || p.Workers != 3 {
+	if p, poisoned := k.Poisoned(false); !poisoned || len(p.Failed) != 2 || len(p.Lost) != 1 {
 		t.Errorf("two failures and a loss: %+v", p)
 	}
 }
@@ -119,17 +119,17 @@ func TestStragglersRunTwice(t *testing.T) {
 	for second := 1; second <= 40; second++ {
 		k.Renew(refs[1], "slow", 0.1, at(second))
 	}
-	if got := k.Grant("fast", 1, false, at(9)); len(got) != 0 {
+	if got := k.GrantCopies("fast", 1, at(9)); len(got) != 0 {
 		t.Errorf("copied %v before a time to live", got)
 	}
-	if got := k.Grant("slow", 1, false, at(40)); len(got) != 0 {
+	if got := k.GrantCopies("slow", 1, at(40)); len(got) != 0 {
 		t.Error("copied to its own holder")
 	}
-	copied := k.Grant("fast", 1, false, at(40))
+	copied := k.GrantCopies("fast", 1, at(40))
 	if len(copied) != 1 || !k.Held(refs[1], "slow") {
 		t.Fatalf("copied %v", copied)
 	}
-	if got := k.Grant("third", 1, false, at(40)); len(got) != 0 {
+	if got := k.GrantCopies("third", 1, at(40)); len(got) != 0 {
 		t.Error("copied twice")
 	}
 	k.Done(copied[0].Task, at(41))
@@ -181,5 +181,32 @@ func TestTaskPutApartIsNeverPoison(t *testing.T) {
 	}
 	if p, poisoned := k.Poisoned(true); poisoned {
 		t.Errorf("%+v", p)
+	}
+}
+
+func TestNothingStragglesWhileItMayLinger(t *testing.T) {
+	k := table(2)
+	k.Linger(30 * time.Second)
+	k.Grant("a", 1, false, at(0))
+	k.Done("1", at(1))
+	held := k.Grant("a", 1, false, at(1))[0]
+	if got := k.GrantCopies("b", 1, at(40)); len(got) != 0 {
+		t.Errorf("granted %v: it may still lie in a film", got)
+	}
+	if got := k.GrantCopies("b", 1, at(42)); len(got) != 1 || got[0].Task != held.Task {
+		t.Errorf("granted %v", got)
+	}
+}
+
+func TestWaitingTasksAreCounted(t *testing.T) {
+	k := table(3)
+	k.PutApart("check", 9)
+	if got := k.Waiting(); got != 4 {
+		t.Errorf("%d wait", got)
+	}
+	ref := k.GrantApart("a", 1, at(0))[0]
+	k.Grant("b", 2, false, at(0))
+	if got := k.Waiting(); got != 1 || ref.Task != "check" {
+		t.Errorf("%d wait", got)
 	}
 }

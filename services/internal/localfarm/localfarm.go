@@ -3,29 +3,27 @@
 package localfarm
 
 import (
+	"cmp"
 	"context"
 	"errors"
-	"fmt"
 	"log/slog"
 	"net"
 	"net/http"
-	"os"
 	"path/filepath"
 	"strconv"
 	"sync"
 	"time"
 
-	"github.com/prometheus/client_golang/prometheus"
-	"github.com/prometheus/client_golang/prometheus/collectors"
+	grpcprom "github.com/grpc-ecosystem/go-grpc-middleware/providers/prometheus"
 
 	"metrofarm/services/internal/api"
-	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/child"
 	"metrofarm/services/internal/cli"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/farm"
-	"metrofarm/services/internal/store/bolt"
+	"metrofarm/services/internal/peer"
+	"metrofarm/services/internal/store"
 )
 
 // giveUpAfter so many early ends a worker is taken to be unable to run.
@@ -40,23 +38,30 @@ const httpGrace = 3 * time.Second
 // Farm is a running coordinator.
 type Farm struct {
 	options     cli.FarmOptions
-	db          *bolt.Store
+	db          store.Store
 	library     *bundle.Library
 	coordinator *coordinator.Coordinator
-	farmServer  *farm.Server
-	httpServer  *http.Server
-	dashboard   string
-	workers     *child.Group
-	failed      chan error
-	stopRun     context.CancelFunc
-	wait        sync.WaitGroup
-	runError    error
+	member      store.Member
+	farm        *peer.Farm
+
+	farmListener, httpListener net.Listener
+	localListener              net.Listener // for workers of this machine; nil: they use farmListener
+	farmServers                []*farm.Server
+	httpServer                 *http.Server
+	calls                      *grpcprom.ServerMetrics
+
+	dashboard string
+	workers   *child.Group
+	failed    chan error
+	stopRun   context.CancelFunc
+	wait      sync.WaitGroup
+	runError  error
 }
 
 // Start starts everything; on failure, nothing stays running. ctx bounds the start only: a farm
 // lives until Close.
 func Start(ctx context.Context, options cli.FarmOptions) (*Farm, error) {
-	f := &Farm{options: options, failed: make(chan error, 4)}
+	f := &Farm{options: options, calls: farm.NewCalls(), failed: make(chan error, 4)}
 	if err := f.start(ctx); err != nil {
 		return nil, errors.Join(err, f.Close())
 	}
@@ -64,29 +69,28 @@ func Start(ctx context.Context, options cli.FarmOptions) (*Farm, error) {
 }
 
 func (f *Farm) start(ctx context.Context) error {
-	// The database first: it holds the folder's lock, and opening the blobs clears what an earlier
-	// process left half written.
-	db, err := bolt.Open(filepath.Join(f.options.DataDir, "metrofarm.db"))
-	if err != nil {
-		return fmt.Errorf("data folder %s (used by another coordinator?): %w", f.options.DataDir, err)
+	// The store first: where it is a file, it holds the folder's lock.
+	if err := f.openStore(ctx); err != nil {
+		return err
 	}
-	f.db = db
-	blobs, err := blob.Open(filepath.Join(f.options.DataDir, "blobs"))
+	blobs, err := f.openBlobs(ctx)
 	if err != nil {
 		return err
 	}
-	uploads := filepath.Join(f.options.DataDir, "uploads")
-	if err := errors.Join(os.RemoveAll(uploads), os.MkdirAll(uploads, 0o750)); err != nil {
+	if err := f.listen(ctx); err != nil {
 		return err
 	}
-	f.library = bundle.NewLibrary(blobs, bundle.DefaultLimits(), uploads)
 	life := context.WithoutCancel(ctx)
 	f.coordinator, err = coordinator.New(life, coordinator.Options{
-		Store: f.db, Blobs: blobs, Logger: f.options.Logger,
+		Store: f.db, Blobs: blobs, Logger: f.options.Logger, Member: f.member, Limits: f.options.Access.JobLimits,
+		MergeBudget: f.options.Flow.MergeBudget, InboundBytes: f.options.Flow.InboundBytes,
 	})
 	if err != nil {
 		return err
 	}
+	f.farm = peer.New(f.coordinator, peer.Options{
+		Logger: f.options.Logger, Secret: f.member.Secret, TLS: f.options.Access.PeerTLS,
+	})
 	running, stop := context.WithCancel(life)
 	f.stopRun = stop
 	f.wait.Go(func() {
@@ -94,62 +98,13 @@ func (f *Farm) start(ctx context.Context) error {
 			f.failed <- f.runError
 		}
 	})
-	address, err := f.serveWorkers(ctx, blobs)
-	if err != nil {
+	f.startSweeping(running, blobs)
+	f.serveWorkers(blobs)
+	if err := f.serveHTTP(); err != nil {
 		return err
 	}
-	if err := f.serveHTTP(ctx); err != nil {
-		return err
-	}
-	f.startWorkers(life, address)
+	f.startWorkers(life, cmp.Or(f.localListener, f.farmListener).Addr().String())
 	return nil
-}
-
-func (f *Farm) serveWorkers(ctx context.Context, blobs *blob.Store) (string, error) {
-	listener, err := listen(ctx, f.options.FarmListen, "workers")
-	if err != nil {
-		return "", err
-	}
-	f.farmServer = farm.NewServer(farm.Options{Farm: f.coordinator, Blobs: blobs, Logger: f.options.Logger})
-	f.wait.Go(func() {
-		if err := f.farmServer.Serve(listener); err != nil {
-			f.failed <- fmt.Errorf("serving workers: %w", err)
-		}
-	})
-	return listener.Addr().String(), nil
-}
-
-func (f *Farm) serveHTTP(ctx context.Context) error {
-	if f.options.Listen == "" {
-		return nil
-	}
-	listener, err := listen(ctx, f.options.Listen, "the dashboard")
-	if err != nil {
-		return err
-	}
-	registry := prometheus.NewRegistry()
-	registry.MustRegister(f.coordinator.Collector(), collectors.NewGoCollector(),
-		collectors.NewProcessCollector(collectors.ProcessCollectorOpts{}))
-	handler := api.NewHandler(api.Options{
-		Service: f.coordinator, Scenes: f.library, Metrics: registry, Logger: f.options.Logger,
-		LocalOnly: f.options.LocalOnly, Version: f.options.Version,
-	})
-	f.httpServer = api.NewHTTPServer(handler, f.options.Logger)
-	f.dashboard = "http://" + listener.Addr().String() + "/"
-	f.wait.Go(func() {
-		if err := f.httpServer.Serve(listener); !errors.Is(err, http.ErrServerClosed) {
-			f.failed <- fmt.Errorf("serving HTTP: %w", err)
-		}
-	})
-	return nil
-}
-
-func listen(ctx context.Context, address, purpose string) (net.Listener, error) {
-	listener, err := (&net.ListenConfig{}).Listen(ctx, "tcp", address)
-	if err != nil {
-		return nil, fmt.Errorf("listening for %s: %w", purpose, err)
-	}
-	return listener, nil
 }
 
 func (f *Farm) startWorkers(ctx context.Context, address string) {
@@ -159,6 +114,9 @@ func (f *Farm) startWorkers(ctx context.Context, address string) {
 		arguments := []string{
 			"--coordinator", reachable(address), "--name", name,
 			"--cache", filepath.Join(f.options.DataDir, "cache", name),
+		}
+		if !isLoopback(reachable(address)) {
+			arguments = append(arguments, "--insecure") // an address of this machine all the same
 		}
 		if f.options.Threads > 0 {
 			arguments = append(arguments, "--threads", strconv.Itoa(f.options.Threads))
@@ -190,8 +148,13 @@ func reachable(address string) string {
 	return address
 }
 
+func isLoopback(address string) bool {
+	host, _, err := net.SplitHostPort(address)
+	return err == nil && net.ParseIP(host).IsLoopback()
+}
+
 // Service runs jobs.
-func (f *Farm) Service() api.Service { return f.coordinator }
+func (f *Farm) Service() api.Service { return f.farm }
 
 // AddScene stores a scene of this machine.
 func (f *Farm) AddScene(ctx context.Context, local bundle.Local) (bundle.Scene, error) {
@@ -218,13 +181,18 @@ func (f *Farm) Close() error {
 	if f.workers != nil {
 		f.workers.Stop()
 	}
-	if f.farmServer != nil {
-		f.farmServer.Stop()
+	for _, server := range f.farmServers {
+		server.Stop()
 	}
 	if f.stopRun != nil {
 		f.stopRun()
 	}
 	f.wait.Wait()
+	for _, listener := range []net.Listener{f.farmListener, f.localListener, f.httpListener} {
+		if listener != nil {
+			_ = listener.Close() // closed with its server, unless the start failed before that
+		}
+	}
 	if f.db != nil {
 		problems = append(problems, f.db.Close())
 	}

@@ -10,6 +10,7 @@ import (
 	"testing"
 	"time"
 
+	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/cli"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/localfarm"
@@ -17,8 +18,10 @@ import (
 
 func options(t *testing.T) cli.FarmOptions {
 	t.Helper()
+	data := t.TempDir()
 	return cli.FarmOptions{
-		DataDir: t.TempDir(), Listen: "127.0.0.1:0", FarmListen: "127.0.0.1:0", LocalOnly: true,
+		DataDir: data, Storage: cli.Storage{BlobDir: filepath.Join(data, "blobs"), Limits: bundle.DefaultLimits()},
+		Listen: "127.0.0.1:0", FarmListen: "127.0.0.1:0", LocalOnly: true,
 		Logger: slog.New(slog.DiscardHandler),
 	}
 }

@@ -28,6 +28,9 @@ const (
 	maxAnomalies  = 16
 )
 
+// UnpackedBytes is the memory of so many tiles, decoded.
+func UnpackedBytes(tiles int) int64 { return int64(tiles) * 8 * film.FullTileValues }
+
 // Segment is one finished segment, checked.
 type Segment struct {
 	round.Entry

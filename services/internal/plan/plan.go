@@ -14,7 +14,8 @@
 //     independent samples has 16384; mmlt rounds up so that each length has equally many;
 //   - the film unit is b (chains) or 256 times the pilot's mean luminance (path, bdpt);
 //   - rounds grow by 1.25 from one mutation per pixel, at least 16 per chain (chains), or by 1.35
-//     from 4 samples per pixel (path, bdpt), and are cut so that they sum to the requested count.
+//     from 4 samples per pixel (path, bdpt), and are cut so that they sum to the requested count;
+//     chains that are cut make a multiple of 16 mutations each.
 package plan
 
 import (

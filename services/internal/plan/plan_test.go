@@ -2,6 +2,7 @@ package plan
 
 import (
 	"errors"
+	"slices"
 	"testing"
 
 	"google.golang.org/protobuf/proto"
@@ -63,7 +64,13 @@ func TestRoundsSumToTheCount(t *testing.T) {
 		}
 		chains := resolve(t, job.Request{Integrator: "pssmlt", Stop: job.StopRules{MutationsPerPixel: count}}, scene(100, 50, ""))
 		want := (count*5000 + 1023) / 1024
-		if got := sum(chains.RoundSizes); got != want {
+		n := len(chains.RoundSizes)
+		whole := resolve(t, job.Request{Integrator: "pssmlt", Stop: job.StopRules{Rounds: 1}}, scene(100, 50, "")).RoundSizes[:n]
+		cut := chains.RoundSizes[n-1] != whole[n-1]
+		if !slices.Equal(chains.RoundSizes[:n-1], whole[:n-1]) || chains.RoundSizes[n-1] > whole[n-1] {
+			t.Errorf("pssmlt: rounds %v do not begin %v", chains.RoundSizes, whole)
+		}
+		if got := sum(chains.RoundSizes); got < want || got >= want+CutMultiple || cut && got%CutMultiple != 0 || sum(chains.RoundSizes[:n-1]) >= want {
 			t.Errorf("pssmlt: %d mutations per chain, not %d", got, want)
 		}
 		for r, n := range chains.RoundSizes {

@@ -1,9 +1,8 @@
 // Package preview turns developed images into pictures for people: exposure, the sRGB transfer
-// curve, 8 bits, PNG.
+// curve, 8 bits, PNG. For those who develop them themselves it writes their values.
 package preview
 
 import (
-	"errors"
 	"fmt"
 	"image"
 	"image/png"
@@ -20,11 +19,8 @@ func Auto() float64 { return math.NaN() }
 // WritePNG writes image as an 8-bit sRGB PNG. Values are multiplied by 2^exposure first; NaN (Auto)
 // chooses the exposure from the image.
 func WritePNG(w io.Writer, developed job.Image, exposure float64) error {
-	if developed.Width < 1 || developed.Height < 1 {
-		return errors.New("writing PNG: the image has no pixels")
-	}
-	if want := 3 * developed.Width * developed.Height; len(developed.RGB) != want {
-		return fmt.Errorf("writing PNG: %d values, want %d", len(developed.RGB), want)
+	if err := checkPixels(developed); err != nil {
+		return fmt.Errorf("writing PNG: %w", err)
 	}
 	if math.IsNaN(exposure) {
 		exposure = AutoExposure(developed)

@@ -49,6 +49,7 @@ func (s *State) Fold() error {
 	}
 	s.Previous = o.Ledger
 	s.Open = s.Open[1:]
+	s.closeCut()
 	s.Closed++
 	return nil
 }

@@ -65,6 +65,10 @@ type Progress struct {
 	Previous *round.Ledger
 	// Points of the closed rounds.
 	Points []job.ConvergencePoint
+	// Cut is set while round Closed has a part in the film already. Remainders are the sizes of what
+	// was left of such rounds, by round, once they are closed: late duplicates have them.
+	Cut        *Cut
+	Remainders map[int]uint64
 }
 
 // State of a job in its rendering phase.
@@ -169,18 +173,26 @@ func (s *State) Ready(number, segment int) bool {
 	return ok
 }
 
-// SamplesBefore is the sum of the sizes of all rounds before this one.
+// SamplesBefore is the sum of the sizes of all rounds before this one, which is not closed, and of
+// what was rendered of this one before it was cut.
 func (s *State) SamplesBefore(number int) uint64 {
-	return sumOf(s.Spec.GetRoundSizes()[:number])
+	sum := sumOf(s.Spec.GetRoundSizes()[:number])
+	if s.Cut != nil && number == s.Closed {
+		sum += s.Cut.Size
+	}
+	return sum
 }
 
-// DirectBefore is the number of samples per cell that all rounds before this one have of direct
-// light apart.
+// DirectBefore is the number of samples per cell of direct light apart, likewise.
 func (s *State) DirectBefore(number int) uint64 {
 	if !plan.DirectApart(s.Spec) {
 		return 0
 	}
-	return sumOf(s.Spec.GetDirectSizes()[:number])
+	sum := sumOf(s.Spec.GetDirectSizes()[:number])
+	if s.Cut != nil && number == s.Closed {
+		sum += s.Cut.Direct
+	}
+	return sum
 }
 
 func sumOf(sizes []uint64) uint64 {
@@ -217,7 +229,7 @@ func (s *State) checkCounts(number int, e merge.Segment) error {
 	if number < 0 || number >= len(s.Spec.GetRoundSizes()) || e.Segment < 0 || e.Segment >= len(s.expected) {
 		return fmt.Errorf("no segment %d in round %d", e.Segment, number)
 	}
-	want := s.Spec.GetRoundSizes()[number]
+	want := s.segmentSize(number)
 	if s.Chains() {
 		want *= uint64(s.Spec.GetGroupSize())
 		if e.Counts.LargeSteps+e.Counts.SmallSteps+e.Counts.SubpathSteps != e.Counts.Mutations {

@@ -1,31 +1,78 @@
-// Package store defines what the coordinator keeps durably beside blobs: jobs, their events and the
-// pointers to their checkpoints. Each transition is one method, atomic and durable when it returns.
-// Package storetest has the conformance suite that every implementation passes.
+// Package store defines what coordinators keep durably beside blobs: jobs, their events, the
+// pointers to their checkpoints, and who owns which job. Each transition is one method, atomic and
+// durable when it returns. Package storetest has the conformance suite that every implementation
+// passes.
+//
+// Several coordinators share a store. A job is owned through a lease that its owner renews; when
+// the lease runs out, another coordinator may acquire the job. Each acquisition raises the job's
+// epoch, the fencing token: what a former owner writes fails with ErrFenced, however late it wakes
+// up. Expiry is decided by the store's clock, so those of the coordinators need not agree.
 package store
 
 import (
 	"context"
 	"errors"
+	"fmt"
 	"time"
 
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/round"
 )
 
-// ErrFenced: a newer owner has claimed the store; the caller must stop.
-var ErrFenced = errors.New("store was claimed by a newer owner")
+// ErrFenced: the caller does not own the job any more, or the update is older than the last. It must
+// stop acting on the job.
+var ErrFenced = errors.New("another coordinator has taken the job over")
+
+// ErrOwned: the job has an owner whose lease has not run out.
+var ErrOwned = errors.New("the job is owned by another coordinator")
 
 // ErrKeyReused: the idempotency key belongs to another request.
 var ErrKeyReused = errors.New("idempotency key was used for another request")
 
+// ErrUnavailable: the store cannot be reached now. Whether the change was made is unknown; making it
+// again is safe.
+var ErrUnavailable = fmt.Errorf("store: %w", job.ErrUnavailable)
+
 // MaxEvents is how many events of a job are kept; older ones are dropped.
 const MaxEvents = 512
+
+// Member is a coordinator that shares the store.
+type Member struct {
+	// ID is new for each start of a process.
+	ID string `json:"id"`
+	// REST is the URL at which other coordinators reach its REST interface; empty if it has none.
+	REST string `json:"rest,omitempty"`
+	// Farm is the HOST:PORT that workers connect to; empty if it has none.
+	Farm string `json:"farm,omitempty"`
+	// Secret comes with requests that other members pass on to this one.
+	Secret string `json:"secret,omitempty"`
+	// Usage is the CPU time, in seconds, that work for each user's jobs took of late: package fairness.
+	Usage map[string]float64 `json:"usage,omitempty"`
+}
+
+// Claim says who wants to own a job, and for how long unless it renews.
+type Claim struct {
+	Owner string // Member.ID
+	TTL   time.Duration
+}
+
+// Owned is a record with the member that owns it.
+type Owned struct {
+	Record
+	// Owner is the zero Member if nobody does: the lease ran out or was released.
+	Owner Member
+}
 
 // Record is the durable part of a job.
 type Record struct {
 	ID     string `json:"id"`
 	Number uint64 `json:"number"` // order of creation, set by CreateJob
 
+	// Revision grows by at least one with every update of an owner, so that an old one that arrives
+	// late changes nothing.
+	Revision uint64 `json:"revision"`
+
+	User        string      `json:"user,omitempty"` // who submitted it
 	Request     job.Request `json:"request"`
 	State       job.State   `json:"state"`
 	Paused      bool        `json:"paused,omitempty"`
@@ -39,6 +86,9 @@ type Record struct {
 
 	// SceneReport is what a worker found in the scene, in protobuf JSON; empty before.
 	SceneReport string `json:"scene_report,omitempty"`
+	// Refinements counts how often the job was refined. It is part of the names of tasks: what was
+	// rendered for the job before cannot be taken for a part of what it renders now.
+	Refinements uint64 `json:"refinements,omitempty"`
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`
 	// Checkpoint names the blob to resume from; empty before the first.
@@ -53,31 +103,54 @@ type Record struct {
 	Convergence []job.ConvergencePoint `json:"convergence,omitempty"`
 }
 
-// Store keeps records and events. Mutating methods carry the epoch of the caller's claim, the
-// fencing token: under an older epoch than the last claim's they fail with ErrFenced and change
-// nothing. Methods may be called from several goroutines.
+// Store keeps records, events and leases. Methods may be called from several goroutines, and may be
+// repeated after ErrUnavailable. Methods that take an epoch fail with ErrFenced and change nothing
+// if it is not the job's, and with job.ErrNotFound if there is no such job.
 type Store interface {
-	// Claim makes the caller the owner and returns its epoch, higher than every one before.
-	Claim(ctx context.Context) (epoch uint64, err error)
+	// Beat keeps m among the members for ttl, and renews its leases of the held jobs (epochs by id).
+	// It returns those that it does not own any more. A lease that has run out is renewed unless
+	// somebody else has acquired the job.
+	Beat(ctx context.Context, m Member, ttl time.Duration, held map[string]uint64) (lost []string, err error)
 
-	// CreateJob stores a new job and sets its number. With a key that was used for an equal request
-	// (same fingerprint) it returns the record of then and created false; for another request it
-	// fails with ErrKeyReused. An empty key never matches.
-	CreateJob(ctx context.Context, epoch uint64, r Record, key, fingerprint string) (stored Record, created bool, err error)
+	// Leave ends a membership and releases the held jobs that it still owns.
+	Leave(ctx context.Context, member string, held map[string]uint64) error
 
-	// UpdateJob replaces a record and appends events, in one step. job.ErrNotFound if there is no
-	// such job.
+	// Members returns those whose time has not run out, by ID.
+	Members(ctx context.Context) ([]Member, error)
+
+	// CreateJob stores a new job, owned by the claimant under epoch 1, and sets its number. With a key
+	// that was used for an equal request (same fingerprint) it returns the record of then and created
+	// false; for another request it fails with ErrKeyReused. An empty key never matches.
+	CreateJob(ctx context.Context, c Claim, r Record, key, fingerprint string) (stored Record, created bool, err error)
+
+	// UpdateJob replaces a record and appends events, in one step. A repetition of the last update
+	// (same revision) changes nothing; an older revision fails with ErrFenced.
 	UpdateJob(ctx context.Context, epoch uint64, r Record, events []job.Event) error
 
-	// DeleteJob removes a job, its events and its idempotency key. job.ErrNotFound if there is none.
+	// DeleteJob removes a job, its events and its idempotency key.
 	DeleteJob(ctx context.Context, epoch uint64, id string) error
 
-	// Jobs returns all records in order of creation.
-	Jobs(ctx context.Context) ([]Record, error)
+	// Release gives a job up. One that has ended then waits for no owner, until it is acquired again.
+	Release(ctx context.Context, epoch uint64, id string) error
+
+	// Waiting lists jobs that want an owner and have none: those that nobody has released since they
+	// ended.
+	Waiting(ctx context.Context) ([]string, error)
+
+	// Acquire makes the claimant the owner of a job and raises its epoch. It fails with ErrOwned while
+	// the lease of another owner lasts.
+	Acquire(ctx context.Context, c Claim, id string) (r Record, epoch uint64, err error)
+
+	// Job returns one job.
+	Job(ctx context.Context, id string) (Owned, error)
+
+	// Jobs returns up to limit jobs with numbers below before, newest first; before 0 begins with the
+	// newest.
+	Jobs(ctx context.Context, before uint64, limit int) ([]Owned, error)
 
 	// Events returns the kept events of a job with a sequence above after, in order.
 	Events(ctx context.Context, id string, after uint64) ([]job.Event, error)
 
-	// Close releases the store.
+	// Close ends the use of the store by this process.
 	Close() error
 }

@@ -4,6 +4,7 @@ package tally
 
 import (
 	"math"
+	"slices"
 
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
@@ -158,6 +159,9 @@ func (c *Counts) AnomalyMap() map[string]uint64 {
 	}
 	return m
 }
+
+// AnomalyNames lists the kinds of anomalies, as the API shows them.
+func AnomalyNames() []string { return slices.Clone(anomalyNames[1:]) }
 
 // Sums of independent samples of f.
 type Sums struct {

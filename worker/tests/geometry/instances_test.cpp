@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <new>
 #include <random>
 
 #include "tests/geometry/world.h"
@@ -268,6 +269,25 @@ TEST(Bounds, HoldEverythingThatIsSeen) {
   for (int k = 0; k < 3; ++k) {
     EXPECT_NEAR(box.lower[k], lower[k], 1e-4);
     EXPECT_NEAR(box.upper[k], upper[k], 1e-4);
+  }
+}
+
+// Both of the world and of a group: Embree gives up, and the process goes on.
+TEST(TracerMemory, TreesBeyondTheLimitAreRefused) {
+  test::SceneBuilder inside, outside;
+  for (test::SceneBuilder* b : {&inside, &outside})
+    b->shape(random_mesh(20000, 4), b->diffuse(0.5F));
+  inside.description().shapes[0].group = 0;
+  inside.description().instances.push_back({scaled(1, 1, 1), 0, {}});
+  for (test::SceneBuilder* b : {&inside, &outside}) {
+    const World world(*b);
+    const uint64_t bytes = world.tracer.bytes();
+    EXPECT_GT(bytes, 20000U);
+    EXPECT_THROW(Tracer(world.primitives, "avx2", bytes / 4), std::bad_alloc);
+    EXPECT_THROW(Tracer(world.primitives, "avx2", 0), std::bad_alloc);
+    // While it is built a tree needs more than it keeps.
+    const Tracer fits(world.primitives, "avx2", 8 * bytes);
+    EXPECT_EQ(fits.bytes(), bytes);
   }
 }
 

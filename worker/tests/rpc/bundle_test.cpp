@@ -5,7 +5,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "rpc/bundle_cache.h"
+#include "rpc/bundle_writer.h"
 #include "rpc/sha256.h"
 
 namespace metrofarm::rpc {

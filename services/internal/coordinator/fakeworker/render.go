@@ -11,8 +11,9 @@ import (
 	"metrofarm/services/internal/plan"
 )
 
-// splatsPerSegment keeps the films sparse.
-const splatsPerSegment = 50
+// splatsPerStep keeps the films sparse: of a mutation of all chains of a group, or a sample of all
+// cells of a segment.
+const splatsPerStep = 3
 
 // generator is SplitMix64.
 type generator uint64
@@ -46,7 +47,7 @@ func BootstrapValue(seed, index uint64) float32 {
 	return float32(math.Pow(u, 8))
 }
 
-// canvas is an open film of the worker.
+// canvas is an open film of the worker; without tiles it only knows digests.
 type canvas struct {
 	shape film.Shape
 	tiles map[film.Address][]int64
@@ -61,10 +62,12 @@ func (c *canvas) add(half, group, layer, pixel, channel int, v int64) uint64 {
 	x, y := pixel%c.shape.Width, pixel/c.shape.Width
 	full := film.Address{Plane: half*c.shape.Layers + layer, X: x / film.TileSize, Y: y / film.TileSize}
 	at := (channel*film.TileSize+y%film.TileSize)*film.TileSize + x%film.TileSize
-	c.tile(full, film.FullTileValues)[at] += v
 	low := film.Address{Low: true, Plane: group*c.shape.Layers + layer}
 	cell := y/c.shape.CellHeight()*film.LowSize + x/c.shape.CellWidth()
-	c.tile(low, film.LowTileValues)[channel*film.LowSize*film.LowSize+cell] += v
+	if c.tiles != nil {
+		c.tile(full, film.FullTileValues)[at] += v
+		c.tile(low, film.LowTileValues)[channel*film.LowSize*film.LowSize+cell] += v
+	}
 	return c.shape.SplatDigest(false, full.Plane, pixel, channel, v) + c.shape.SplatDigest(true, low.Plane, cell, channel, v)
 }
 
@@ -75,44 +78,60 @@ func (c *canvas) tile(a film.Address, size int) []int64 {
 	return c.tiles[a]
 }
 
-// renderChains pretends to run a chain group: splats, counts and the new state are a function of
-// the spec's seed, the group, the round and the state before.
+// renderChains pretends to run a chain group: what mutation i of the group's chains splats and counts
+// is a function of the spec's seed, the group, the seeds of its chains and i, wherever rounds end.
 func (c *canvas) renderChains(spec *jobv1.ResolvedSpec, number uint32, g *farmv1.ChainGroupState) *farmv1.SegmentResult {
 	group := int(g.GetGroup())
-	n := spec.GetRoundSizes()[number] * uint64(spec.GetGroupSize())
-	before := uint64(0)
-	for _, index := range g.GetSeedIndices() {
-		before = before*31 + index
+	size, chains := spec.GetRoundSizes()[number], uint64(spec.GetGroupSize())
+	origin, done := chainsBefore(g)
+	result := &farmv1.SegmentResult{Segment: g.GetGroup(), Counts: chainCounts(spec, done*chains, (done+size)*chains)}
+	for i := done; i < done+size; i++ {
+		random := keyed(spec.GetSeed(), uint64(group), i, origin)
+		result.Counts.Rays += random.next() % 100
+		c.splatter(random, group%film.Halves, func() int { return group % film.StatGroups }, result)
 	}
-	var sums []*farmv1.LargeStepSums
-	if state := g.GetState(); len(state) > 0 {
-		before = binary.LittleEndian.Uint64(state)
+	result.State = binary.LittleEndian.AppendUint64(binary.LittleEndian.AppendUint64(nil, origin), done+size)
+	for chain := range chains {
+		u, k := keyed(origin, uint64(group), chain).uniform(), largeSteps(done+size)
+		result.LargeStepSums = append(result.LargeStepSums,
+			&farmv1.LargeStepSums{Count: k, Sum: float64(k) * u, SumSquares: float64(k) * u * u})
 	}
-	random := keyed(spec.GetSeed(), uint64(group), uint64(number), before)
-	large := n / 3
-	result := &farmv1.SegmentResult{
-		Segment: g.GetGroup(),
-		Counts: &farmv1.SegmentCounts{
-			Mutations: n, PathEvaluations: n, Rays: 3*n + random.next()%100,
-			LargeSteps: large, LargeAccepted: large / 4, SmallSteps: n - large, SmallAccepted: (n - large) / 2,
-			Coordinates: 10 * n,
-		},
-	}
-	if spec.GetDelayedRejection().GetEnabled() {
-		result.Counts.SecondStages, result.Counts.SecondAccepted = (n-large)/2, (n-large)/8
-	}
-	if plan.Multiplexed(spec) {
-		result.Counts.ProposedByLength, result.Counts.AcceptedByLength = []uint64{0, n - n/4, n / 4}, []uint64{0, n / 4, n / 8}
-	}
-	c.splatter(random, group%film.Halves, func() int { return group % film.StatGroups }, result)
-	result.State = binary.LittleEndian.AppendUint64(nil, random.next())
-	for range spec.GetGroupSize() {
-		u := random.uniform()
-		sums = append(sums, &farmv1.LargeStepSums{Count: large, Sum: u, SumSquares: u * u})
-	}
-	result.LargeStepSums = sums
 	return result
 }
+
+// chainCounts of the mutations from a to b of a group: differences of what they are in all, so that it
+// does not matter where rounds end.
+func chainCounts(spec *jobv1.ResolvedSpec, a, b uint64) *farmv1.SegmentCounts {
+	n, large := b-a, largeSteps(b)-largeSteps(a)
+	oneIn := func(k uint64) uint64 { return b/k - a/k }
+	counts := &farmv1.SegmentCounts{
+		Mutations: n, PathEvaluations: n, Rays: 3 * n,
+		LargeSteps: large, LargeAccepted: oneIn(12), SmallSteps: n - large, SmallAccepted: oneIn(4),
+		Coordinates: 10 * n,
+	}
+	if spec.GetDelayedRejection().GetEnabled() {
+		counts.SecondStages, counts.SecondAccepted = oneIn(3), oneIn(12)
+	}
+	if plan.Multiplexed(spec) {
+		counts.ProposedByLength = []uint64{0, n - oneIn(4), oneIn(4)}
+		counts.AcceptedByLength = []uint64{0, oneIn(4), oneIn(8)}
+	}
+	return counts
+}
+
+// chainsBefore tells where the chains of a group come from and how many mutations each has behind it.
+func chainsBefore(g *farmv1.ChainGroupState) (origin, done uint64) {
+	if state := g.GetState(); len(state) > 0 {
+		return binary.LittleEndian.Uint64(state), binary.LittleEndian.Uint64(state[8:])
+	}
+	for _, index := range g.GetSeedIndices() {
+		origin = origin*31 + index
+	}
+	return origin, 0
+}
+
+// largeSteps of the first n mutations.
+func largeSteps(n uint64) uint64 { return n / 3 }
 
 // trap pretends that chains of group 3 are trapped.
 func trap(result *farmv1.SegmentResult, number uint32) {
@@ -125,23 +144,25 @@ func trap(result *farmv1.SegmentResult, number uint32) {
 	}
 }
 
-// renderPaths pretends to trace the samples of one segment.
-func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, number, segment uint32) *farmv1.SegmentResult {
+// renderPaths pretends to trace the samples of one segment, from the first one on, wherever rounds end.
+func (c *canvas) renderPaths(spec *jobv1.ResolvedSpec, cells int, task *farmv1.PathSegmentsTask) *farmv1.SegmentResult {
 	perSegment := int(spec.GetBlocksPerSegment()) * int(spec.GetGroupSize())
-	n := uint64(min(perSegment, cells-int(segment)*perSegment)) * spec.GetRoundSizes()[number]
-	random := keyed(spec.GetSeed(), uint64(segment), uint64(number))
+	segment, size := task.GetFirstSegment(), spec.GetRoundSizes()[task.GetRound()]
+	n := uint64(min(perSegment, cells-int(segment)*perSegment)) * size
 	result := &farmv1.SegmentResult{
 		Segment: segment,
 		Counts:  &farmv1.SegmentCounts{Mutations: n, PathEvaluations: n, Rays: 2 * n},
 	}
-	for half := range film.Halves {
+	for i := task.GetFirstSample(); i < task.GetFirstSample()+size; i++ {
+		random := keyed(spec.GetSeed(), uint64(segment), i)
+		half := int(i % film.Halves)
 		c.splatter(random, half, func() int { return half + 2*int(random.next()%8) }, result)
 	}
 	return result
 }
 
 func (c *canvas) splatter(random *generator, half int, group func() int, result *farmv1.SegmentResult) {
-	for range splatsPerSegment {
+	for range splatsPerStep {
 		pixel := int(random.next() % uint64(c.shape.Width*c.shape.Height))
 		layer := int(random.next() % uint64(c.shape.Layers))
 		g := group()

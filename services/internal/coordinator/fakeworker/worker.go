@@ -3,7 +3,9 @@
 package fakeworker
 
 import (
+	"cmp"
 	"context"
+	"crypto/sha256"
 	"encoding/hex"
 	"errors"
 	"fmt"
@@ -45,11 +47,26 @@ type Worker struct {
 	Trapped bool
 	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
 	Lie int64
+	// Rendered is told of each batch before it is delivered; nil: nobody is.
+	Rendered func(*farmv1.BatchHeader, []*farmv1.Tile)
+	// Seal: collect over leases for as long as the coordinator says.
+	Seal bool
 	// Delay before each batch is delivered.
 	Delay time.Duration
+	// Pace of heartbeats and Wait of lease calls; 0 means what suits tests with short leases.
+	Pace, Wait time.Duration
+	// Leaves tells to give back what is held when Run ends, as workers do that are told to end; else
+	// they vanish, which speaks against the tasks they held.
+	Leaves bool
+	// StateBytes of each chain group; at least 8.
+	StateBytes int
+	// Film makes the tiles of a batch that has this digest, in place of those that were splatted.
+	Film func(digest uint64) []*farmv1.Tile
 
-	instance int
-	codec    *film.Codec
+	instance  int
+	codec     *film.Codec
+	collected []*farmv1.Task
+	since     time.Time // of the first of them
 
 	mu   sync.Mutex // guards what the heartbeats read
 	id   string
@@ -57,7 +74,10 @@ type Worker struct {
 }
 
 // heartbeatPace is well below the time to live that tests use.
-const heartbeatPace = 50 * time.Millisecond
+const (
+	heartbeatPace = 50 * time.Millisecond
+	leaseWait     = 200 * time.Millisecond
+)
 
 // beat sends heartbeats until ctx ends.
 func (w *Worker) beat(ctx context.Context) {
@@ -68,7 +88,7 @@ func (w *Worker) beat(ctx context.Context) {
 		if request.GetWorkerId() != "" {
 			_, _ = w.Client.Heartbeat(ctx, request) // the next call notices what is wrong
 		}
-		sleep(ctx, heartbeatPace)
+		sleep(ctx, cmp.Or(w.Pace, heartbeatPace))
 	}
 }
 
@@ -100,6 +120,7 @@ func (w *Worker) Run(ctx context.Context) error {
 	ctx, cancel := context.WithCancel(ctx)
 	var beating sync.WaitGroup
 	beating.Go(func() { w.beat(ctx) })
+	defer w.leave(ctx)
 	defer beating.Wait()
 	defer cancel()
 	for ctx.Err() == nil {
@@ -122,6 +143,19 @@ func (w *Worker) Run(ctx context.Context) error {
 	return nil
 }
 
+// leavePatience bounds the last call of a worker.
+const leavePatience = 5 * time.Second
+
+func (w *Worker) leave(ctx context.Context) {
+	if !w.Leaves || w.id == "" {
+		return
+	}
+	ctx, cancel := context.WithTimeout(context.WithoutCancel(ctx), leavePatience)
+	defer cancel()
+	// Should it fail, the leases run out.
+	_, _ = w.Client.Release(ctx, &farmv1.ReleaseRequest{WorkerId: w.id, Leaving: true})
+}
+
 func sleep(ctx context.Context, d time.Duration) {
 	select {
 	case <-ctx.Done():
@@ -135,20 +169,27 @@ func (w *Worker) step(ctx context.Context) error {
 			return err
 		}
 	}
+	wait := cmp.Or(w.Wait, leaseWait)
+	if len(w.collected) > 0 {
+		wait = 0
+	}
 	answer, err := w.Client.Lease(ctx, &farmv1.LeaseRequest{
-		WorkerId: w.id, MaxSegments: max(w.MaxSegments, 4), WaitSeconds: 0.2,
+		WorkerId: w.id, MaxSegments: max(w.MaxSegments, 4), WaitSeconds: wait.Seconds(),
 	})
 	if err == nil && answer.GetDrain() {
 		return errDrained
 	}
 	if err != nil || len(answer.GetTasks()) == 0 {
+		return errors.Join(err, w.seal(ctx))
+	}
+	if answer.GetTasks()[0].GetChains() != nil || answer.GetTasks()[0].GetPaths() != nil {
+		return w.collect(ctx, answer)
+	}
+	if err := w.seal(ctx); err != nil {
 		return err
 	}
 	w.hold(answer.GetTasks())
 	defer w.hold(nil)
-	if answer.GetTasks()[0].GetChains() != nil || answer.GetTasks()[0].GetPaths() != nil {
-		return w.renderAll(ctx, answer.GetTasks())
-	}
 	for _, task := range answer.GetTasks() {
 		if err := w.report(ctx, task); err != nil {
 			return err
@@ -157,11 +198,36 @@ func (w *Worker) step(ctx context.Context) error {
 	return nil
 }
 
+// collect renders tasks, unless more are to be collected before.
+func (w *Worker) collect(ctx context.Context, answer *farmv1.LeaseResponse) error {
+	if len(w.collected) > 0 && w.collected[0].GetJobId() != answer.GetTasks()[0].GetJobId() {
+		if err := w.seal(ctx); err != nil {
+			return err
+		}
+	}
+	if len(w.collected) == 0 {
+		w.since = time.Now()
+	}
+	w.collected = append(w.collected, answer.GetTasks()...)
+	w.hold(w.collected)
+	if w.Seal && time.Since(w.since).Seconds() < answer.GetSealSeconds() {
+		return nil
+	}
+	return w.seal(ctx)
+}
+
+// seal renders and delivers what is collected.
+func (w *Worker) seal(ctx context.Context) error {
+	tasks := w.collected
+	w.collected = nil
+	defer w.hold(nil)
+	return w.renderAll(ctx, tasks)
+}
+
 func (w *Worker) register(ctx context.Context) error {
-	instance := make([]byte, 16)
-	copy(instance, fmt.Sprintf("%04d%s", w.instance, w.Name))
+	instance := sha256.Sum256(fmt.Appendf(nil, "%d %s", w.instance, w.Name))
 	answer, err := w.Client.Register(ctx, &farmv1.RegisterRequest{
-		Name: w.Name, Version: w.Version, Threads: 1, Instance: hex.EncodeToString(instance),
+		Name: w.Name, Version: w.Version, Threads: 1, Instance: hex.EncodeToString(instance[:16]),
 	})
 	w.become(answer.GetWorkerId())
 	return err
@@ -243,6 +309,9 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 		if err != nil {
 			return w.fail(ctx, byRound[number][0], err)
 		}
+		if w.Rendered != nil {
+			w.Rendered(header, tiles)
+		}
 		sleep(ctx, w.Delay)
 		if err := w.deliver(ctx, header, tiles); err != nil {
 			return err
@@ -264,6 +333,9 @@ func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error
 func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeader, []*farmv1.Tile, error) {
 	spec := tasks[0].GetSpec()
 	c := newCanvas(spec)
+	if w.Film != nil {
+		c.tiles = nil
+	}
 	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
 	for _, t := range tasks {
 		var result *farmv1.SegmentResult
@@ -279,11 +351,12 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 					len(spec.GetLengthProbabilities()), spec.GetMaxDepth())
 			}
 			result = c.renderChains(spec, number, g)
+			result.State = append(result.State, make([]byte, max(w.StateBytes, len(result.State))-len(result.State))...)
 			if w.Trapped {
 				trap(result, number)
 			}
 		} else {
-			result = c.renderPaths(spec, plan.Cells(spec, w.Report), number, t.GetPaths().GetFirstSegment())
+			result = c.renderPaths(spec, plan.Cells(spec, w.Report), t.GetPaths())
 		}
 		if w.Lie != 0 {
 			result.Digest += c.add(0, 0, 0, 0, 0, w.Lie)
@@ -292,10 +365,19 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 		header.Segments = append(header.Segments, result)
 		header.Digest += result.GetDigest()
 	}
+	tiles := w.pack(c, header.GetDigest())
+	header.TileCount = uint32(len(tiles))
+	return header, tiles, nil
+}
+
+// pack encodes what was splatted, or makes a film of the same digest.
+func (w *Worker) pack(c *canvas, digest uint64) []*farmv1.Tile {
+	if w.Film != nil {
+		return w.Film(digest)
+	}
 	var tiles []*farmv1.Tile
 	for address, values := range c.tiles {
 		tiles = append(tiles, w.codec.EncodeTile(address, values))
 	}
-	header.TileCount = uint32(len(tiles))
-	return header, tiles, nil
+	return tiles
 }

@@ -1,5 +1,8 @@
 // Package bolt keeps the store in one bbolt file, for a coordinator with a data directory of its
 // own. Every method is one transaction, synced to disk before it returns.
+//
+// Only one process can have the file open. Leases and members therefore live in memory: whoever held
+// a lease in an earlier process is gone. Epochs are in the file, they grow over restarts.
 package bolt
 
 import (
@@ -10,6 +13,7 @@ import (
 	"os"
 	"path/filepath"
 	"slices"
+	"sync"
 	"time"
 
 	"go.etcd.io/bbolt"
@@ -21,21 +25,43 @@ import (
 // openTimeout bounds the wait for another process that holds the file.
 const openTimeout = 2 * time.Second
 
-// Buckets. Events holds one bucket per job, keyed by big-endian sequence.
+// Buckets. Events holds one bucket per job, keyed by big-endian sequence; order holds the ids by
+// big-endian number.
 var (
-	metaBucket   = []byte("meta")
 	jobsBucket   = []byte("jobs")
+	orderBucket  = []byte("order")
+	ownersBucket = []byte("owners")
 	keysBucket   = []byte("keys")
 	eventsBucket = []byte("events")
-	epochKey     = []byte("epoch")
 )
 
 // Store is a store.Store in a file.
 type Store struct {
-	db *bbolt.DB
+	db  *bbolt.DB
+	now func() time.Time
+
+	mu      sync.Mutex // over each method; taken before a transaction
+	leases  map[string]lease
+	members map[string]membership
 }
 
 var _ store.Store = (*Store)(nil)
+
+type lease struct {
+	owner string
+	until time.Time
+}
+
+type membership struct {
+	store.Member
+	until time.Time
+}
+
+// ownership is the durable part of who owns a job.
+type ownership struct {
+	Epoch   uint64 `json:"epoch"`
+	Settled bool   `json:"settled,omitempty"` // released since it ended
+}
 
 // keyEntry remembers what an idempotency key was used for.
 type keyEntry struct {
@@ -43,9 +69,13 @@ type keyEntry struct {
 	Fingerprint string `json:"fingerprint"`
 }
 
-// Open opens or creates the file and its directory. It fails if another process has it open, which
-// is what keeps two coordinators off one data directory: open it before anything else there.
-func Open(path string) (*Store, error) {
+// Open opens or creates the file and its directory; now is the clock of the leases, nil: time.Now.
+// It fails if another process has the file open, which is what keeps two coordinators off one data
+// directory: open it before anything else there.
+func Open(path string, now func() time.Time) (*Store, error) {
+	if now == nil {
+		now = time.Now
+	}
 	if err := os.MkdirAll(filepath.Dir(path), 0o750); err != nil {
 		return nil, fmt.Errorf("bolt: open %s: %w", path, err)
 	}
@@ -53,42 +83,50 @@ func Open(path string) (*Store, error) {
 	if err != nil {
 		return nil, fmt.Errorf("bolt: open %s: %w", path, err)
 	}
-	err = db.Update(func(tx *bbolt.Tx) error {
-		for _, name := range [][]byte{metaBucket, jobsBucket, keysBucket, eventsBucket} {
-			if _, err := tx.CreateBucketIfNotExists(name); err != nil {
-				return err
-			}
-		}
-		return nil
-	})
-	if err != nil {
+	if err := db.Update(createBuckets); err != nil {
 		db.Close()
 		return nil, fmt.Errorf("bolt: open %s: %w", path, err)
 	}
-	return &Store{db: db}, nil
+	return &Store{db: db, now: now, leases: make(map[string]lease), members: make(map[string]membership)}, nil
+}
+
+func createBuckets(tx *bbolt.Tx) error {
+	for _, name := range [][]byte{jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket} {
+		if _, err := tx.CreateBucketIfNotExists(name); err != nil {
+			return err
+		}
+	}
+	order := tx.Bucket(orderBucket)
+	if k, _ := order.Cursor().First(); k != nil {
+		return nil
+	}
+	return tx.Bucket(jobsBucket).ForEach(func(id, v []byte) error { // a file from before there was an order
+		var r store.Record
+		if err := json.Unmarshal(v, &r); err != nil {
+			return err
+		}
+		return order.Put(bigEndian(r.Number), id)
+	})
 }
 
 // Close closes the file.
 func (s *Store) Close() error { return s.db.Close() }
 
-// Claim implements store.Store.
-func (s *Store) Claim(context.Context) (uint64, error) {
-	var epoch uint64
-	err := s.db.Update(func(tx *bbolt.Tx) error {
-		epoch = currentEpoch(tx) + 1
-		return tx.Bucket(metaBucket).Put(epochKey, bigEndian(epoch))
-	})
-	return epoch, wrap("claim", err)
-}
-
 // CreateJob implements store.Store.
-func (s *Store) CreateJob(_ context.Context, epoch uint64, r store.Record, key, fingerprint string) (stored store.Record, created bool, err error) {
-	err = s.update(epoch, func(tx *bbolt.Tx) error {
+func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key, fingerprint string) (stored store.Record, created bool, err error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	err = s.db.Update(func(tx *bbolt.Tx) error {
 		if key != "" {
 			found, err := findKey(tx, key, fingerprint, &stored)
+			created = found && stored.ID == r.ID // the same call again
 			if err != nil || found {
 				return err
 			}
+		}
+		if found, err := getJSON(tx.Bucket(jobsBucket), []byte(r.ID), &stored); err != nil || found {
+			created = found
+			return err
 		}
 		number, err := tx.Bucket(jobsBucket).NextSequence()
 		if err != nil {
@@ -101,8 +139,17 @@ func (s *Store) CreateJob(_ context.Context, epoch uint64, r store.Record, key, 
 				return err
 			}
 		}
+		if err := tx.Bucket(orderBucket).Put(bigEndian(number), []byte(r.ID)); err != nil {
+			return err
+		}
+		if err := putJSON(tx.Bucket(ownersBucket), []byte(r.ID), ownership{Epoch: 1}); err != nil {
+			return err
+		}
 		return putJSON(tx.Bucket(jobsBucket), []byte(r.ID), r)
 	})
+	if err == nil && created {
+		s.leases[r.ID] = lease{c.Owner, s.now().Add(c.TTL)}
+	}
 	return stored, created, wrap("create job", err)
 }
 
@@ -120,10 +167,21 @@ func findKey(tx *bbolt.Tx, key, fingerprint string, into *store.Record) (bool, e
 
 // UpdateJob implements store.Store.
 func (s *Store) UpdateJob(_ context.Context, epoch uint64, r store.Record, events []job.Event) error {
-	err := s.update(epoch, func(tx *bbolt.Tx) error {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	err := s.update(epoch, r.ID, func(tx *bbolt.Tx, _ *ownership) error {
 		jobs := tx.Bucket(jobsBucket)
-		if jobs.Get([]byte(r.ID)) == nil {
-			return fmt.Errorf("job %s: %w", r.ID, job.ErrNotFound)
+		var old struct {
+			Revision uint64 `json:"revision"`
+		}
+		if _, err := getJSON(jobs, []byte(r.ID), &old); err != nil {
+			return err
+		}
+		switch {
+		case r.Revision < old.Revision:
+			return fmt.Errorf("%w: revision %d of job %s after %d", store.ErrFenced, r.Revision, r.ID, old.Revision)
+		case r.Revision == old.Revision:
+			return nil
 		}
 		if err := putJSON(jobs, []byte(r.ID), r); err != nil || len(events) == 0 {
 			return err
@@ -163,22 +221,33 @@ func trim(bucket *bbolt.Bucket) error {
 
 // DeleteJob implements store.Store.
 func (s *Store) DeleteJob(_ context.Context, epoch uint64, id string) error {
-	err := s.update(epoch, func(tx *bbolt.Tx) error {
-		jobs, events := tx.Bucket(jobsBucket), tx.Bucket(eventsBucket)
-		if jobs.Get([]byte(id)) == nil {
-			return fmt.Errorf("job %s: %w", id, job.ErrNotFound)
-		}
-		if err := jobs.Delete([]byte(id)); err != nil {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	err := s.update(epoch, id, func(tx *bbolt.Tx, _ *ownership) error {
+		var r store.Record
+		if _, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &r); err != nil {
 			return err
+		}
+		if err := tx.Bucket(orderBucket).Delete(bigEndian(r.Number)); err != nil {
+			return err
+		}
+		for _, name := range [][]byte{jobsBucket, ownersBucket} {
+			if err := tx.Bucket(name).Delete([]byte(id)); err != nil {
+				return err
+			}
 		}
 		if err := deleteKeysOf(tx.Bucket(keysBucket), id); err != nil {
 			return err
 		}
+		events := tx.Bucket(eventsBucket)
 		if events.Bucket([]byte(id)) == nil {
 			return nil
 		}
 		return events.DeleteBucket([]byte(id))
 	})
+	if err == nil {
+		delete(s.leases, id)
+	}
 	return wrap("delete job", err)
 }
 
@@ -202,21 +271,44 @@ func deleteKeysOf(keys *bbolt.Bucket, id string) error {
 	return err
 }
 
-// Jobs implements store.Store.
-func (s *Store) Jobs(context.Context) ([]store.Record, error) {
-	var records []store.Record
+// Job implements store.Store.
+func (s *Store) Job(_ context.Context, id string) (store.Owned, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	var r store.Record
 	err := s.db.View(func(tx *bbolt.Tx) error {
-		return tx.Bucket(jobsBucket).ForEach(func(_, v []byte) error {
+		found, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &r)
+		if err == nil && !found {
+			err = notFound(id)
+		}
+		return err
+	})
+	return store.Owned{Record: r, Owner: s.owner(id)}, wrap("get job", err)
+}
+
+// Jobs implements store.Store.
+func (s *Store) Jobs(_ context.Context, before uint64, limit int) ([]store.Owned, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	var jobs []store.Owned
+	err := s.db.View(func(tx *bbolt.Tx) error {
+		cursor := tx.Bucket(orderBucket).Cursor()
+		k, id := cursor.Last()
+		if before > 0 {
+			if at, _ := cursor.Seek(bigEndian(before)); at != nil {
+				k, id = cursor.Prev()
+			}
+		}
+		for ; k != nil && len(jobs) < limit; k, id = cursor.Prev() {
 			var r store.Record
-			if err := json.Unmarshal(v, &r); err != nil {
+			if _, err := getJSON(tx.Bucket(jobsBucket), id, &r); err != nil {
 				return err
 			}
-			records = append(records, r)
-			return nil
-		})
+			jobs = append(jobs, store.Owned{Record: r, Owner: s.owner(r.ID)})
+		}
+		return nil
 	})
-	slices.SortFunc(records, func(a, b store.Record) int { return int(a.Number) - int(b.Number) })
-	return records, wrap("list jobs", err)
+	return jobs, wrap("list jobs", err)
 }
 
 // Events implements store.Store.
@@ -240,24 +332,6 @@ func (s *Store) Events(_ context.Context, id string, after uint64) ([]job.Event,
 	return events, wrap("events", err)
 }
 
-// update runs fn unless a newer owner has claimed the store.
-func (s *Store) update(epoch uint64, fn func(*bbolt.Tx) error) error {
-	return s.db.Update(func(tx *bbolt.Tx) error {
-		if epoch != currentEpoch(tx) {
-			return store.ErrFenced
-		}
-		return fn(tx)
-	})
-}
-
-func currentEpoch(tx *bbolt.Tx) uint64 {
-	v := tx.Bucket(metaBucket).Get(epochKey)
-	if v == nil {
-		return 0
-	}
-	return binary.BigEndian.Uint64(v)
-}
-
 func bigEndian(n uint64) []byte { return binary.BigEndian.AppendUint64(nil, n) }
 
 func putJSON(b *bbolt.Bucket, key []byte, v any) error {
@@ -275,6 +349,8 @@ func getJSON(b *bbolt.Bucket, key []byte, v any) (bool, error) {
 	}
 	return true, json.Unmarshal(content, v)
 }
+
+func notFound(id string) error { return fmt.Errorf("job %s: %w", id, job.ErrNotFound) }
 
 func wrap(what string, err error) error {
 	if err == nil {

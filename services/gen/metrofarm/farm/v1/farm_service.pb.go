@@ -281,8 +281,11 @@ type RegisterResponse struct {
 	WorkerId string `protobuf:"bytes,1,opt,name=worker_id,json=workerId,proto3" json:"worker_id,omitempty"`
 	// Seconds between heartbeats.
 	HeartbeatSeconds float64 `protobuf:"fixed64,2,opt,name=heartbeat_seconds,json=heartbeatSeconds,proto3" json:"heartbeat_seconds,omitempty"`
-	unknownFields    protoimpl.UnknownFields
-	sizeCache        protoimpl.SizeCache
+	// Identity of the coordinator, new for each start of its process. worker_id may be the same at
+	// several coordinators; two addresses that tell the same coordinator_id are one coordinator.
+	CoordinatorId string `protobuf:"bytes,3,opt,name=coordinator_id,json=coordinatorId,proto3" json:"coordinator_id,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
 func (x *RegisterResponse) Reset() {
@@ -329,12 +332,20 @@ func (x *RegisterResponse) GetHeartbeatSeconds() float64 {
 	return 0
 }
 
+func (x *RegisterResponse) GetCoordinatorId() string {
+	if x != nil {
+		return x.CoordinatorId
+	}
+	return ""
+}
+
 // Asks for tasks.
 type LeaseRequest struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// From Register.
 	WorkerId string `protobuf:"bytes,1,opt,name=worker_id,json=workerId,proto3" json:"worker_id,omitempty"`
-	// At most so many segments in all the tasks returned, at least 1.
+	// At most so many segments in all the tasks returned, at least 1. Where work is scarce each worker
+	// gets its share of what waits, by render threads.
 	MaxSegments uint32 `protobuf:"varint,2,opt,name=max_segments,json=maxSegments,proto3" json:"max_segments,omitempty"`
 	// How long to wait for work, in seconds, 0 to 30.
 	WaitSeconds   float64 `protobuf:"fixed64,3,opt,name=wait_seconds,json=waitSeconds,proto3" json:"wait_seconds,omitempty"`
@@ -401,7 +412,12 @@ type LeaseResponse struct {
 	// Seconds until a lease ends unless renewed.
 	TtlSeconds float64 `protobuf:"fixed64,2,opt,name=ttl_seconds,json=ttlSeconds,proto3" json:"ttl_seconds,omitempty"`
 	// True: finish what is held, then exit.
-	Drain         bool `protobuf:"varint,3,opt,name=drain,proto3" json:"drain,omitempty"`
+	Drain bool `protobuf:"varint,3,opt,name=drain,proto3" json:"drain,omitempty"`
+	// For so many seconds segments of one round are collected in a film before it is delivered, over
+	// as many leases as it takes: the more workers, the longer. A film is delivered sooner when the
+	// next lease call has no work at once, or work of another round or job. 0: 1.5 seconds. The image
+	// does not depend on it.
+	SealSeconds   float64 `protobuf:"fixed64,4,opt,name=seal_seconds,json=sealSeconds,proto3" json:"seal_seconds,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -455,6 +471,13 @@ func (x *LeaseResponse) GetDrain() bool {
 		return x.Drain
 	}
 	return false
+}
+
+func (x *LeaseResponse) GetSealSeconds() float64 {
+	if x != nil {
+		return x.SealSeconds
+	}
+	return 0
 }
 
 // Progress of one lease.
@@ -1234,6 +1257,107 @@ func (x *ReportResponse) GetMessage() string {
 	return ""
 }
 
+// Gives leases back.
+type ReleaseRequest struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// From Register.
+	WorkerId string `protobuf:"bytes,1,opt,name=worker_id,json=workerId,proto3" json:"worker_id,omitempty"`
+	// What the worker will not render.
+	Leases []*LeaseRef `protobuf:"bytes,2,rep,name=leases,proto3" json:"leases,omitempty"`
+	// True: the worker ends; whatever it holds is given back, and it is forgotten.
+	Leaving       bool `protobuf:"varint,3,opt,name=leaving,proto3" json:"leaving,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ReleaseRequest) Reset() {
+	*x = ReleaseRequest{}
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ReleaseRequest) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ReleaseRequest) ProtoMessage() {}
+
+func (x *ReleaseRequest) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ReleaseRequest.ProtoReflect.Descriptor instead.
+func (*ReleaseRequest) Descriptor() ([]byte, []int) {
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{15}
+}
+
+func (x *ReleaseRequest) GetWorkerId() string {
+	if x != nil {
+		return x.WorkerId
+	}
+	return ""
+}
+
+func (x *ReleaseRequest) GetLeases() []*LeaseRef {
+	if x != nil {
+		return x.Leases
+	}
+	return nil
+}
+
+func (x *ReleaseRequest) GetLeaving() bool {
+	if x != nil {
+		return x.Leaving
+	}
+	return false
+}
+
+// Answers Release.
+type ReleaseResponse struct {
+	state         protoimpl.MessageState `protogen:"open.v1"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ReleaseResponse) Reset() {
+	*x = ReleaseResponse{}
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ReleaseResponse) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ReleaseResponse) ProtoMessage() {}
+
+func (x *ReleaseResponse) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ReleaseResponse.ProtoReflect.Descriptor instead.
+func (*ReleaseResponse) Descriptor() ([]byte, []int) {
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{16}
+}
+
 // One message of a delivery.
 type DeliverRequest struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -1250,7 +1374,7 @@ type DeliverRequest struct {
 
 func (x *DeliverRequest) Reset() {
 	*x = DeliverRequest{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1262,7 +1386,7 @@ func (x *DeliverRequest) String() string {
 func (*DeliverRequest) ProtoMessage() {}
 
 func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[15]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1275,7 +1399,7 @@ func (x *DeliverRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverRequest.ProtoReflect.Descriptor instead.
 func (*DeliverRequest) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{15}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{17}
 }
 
 func (x *DeliverRequest) GetContent() isDeliverRequest_Content {
@@ -1334,7 +1458,7 @@ type DeliverHeader struct {
 
 func (x *DeliverHeader) Reset() {
 	*x = DeliverHeader{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1346,7 +1470,7 @@ func (x *DeliverHeader) String() string {
 func (*DeliverHeader) ProtoMessage() {}
 
 func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[16]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1359,7 +1483,7 @@ func (x *DeliverHeader) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverHeader.ProtoReflect.Descriptor instead.
 func (*DeliverHeader) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{16}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{18}
 }
 
 func (x *DeliverHeader) GetWorkerId() string {
@@ -1387,7 +1511,7 @@ type DeliverTiles struct {
 
 func (x *DeliverTiles) Reset() {
 	*x = DeliverTiles{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[19]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1399,7 +1523,7 @@ func (x *DeliverTiles) String() string {
 func (*DeliverTiles) ProtoMessage() {}
 
 func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[17]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[19]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1412,7 +1536,7 @@ func (x *DeliverTiles) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverTiles.ProtoReflect.Descriptor instead.
 func (*DeliverTiles) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{17}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{19}
 }
 
 func (x *DeliverTiles) GetTiles() []*Tile {
@@ -1435,7 +1559,7 @@ type DeliverResponse struct {
 
 func (x *DeliverResponse) Reset() {
 	*x = DeliverResponse{}
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[20]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1447,7 +1571,7 @@ func (x *DeliverResponse) String() string {
 func (*DeliverResponse) ProtoMessage() {}
 
 func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[18]
+	mi := &file_metrofarm_farm_v1_farm_service_proto_msgTypes[20]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1460,7 +1584,7 @@ func (x *DeliverResponse) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DeliverResponse.ProtoReflect.Descriptor instead.
 func (*DeliverResponse) Descriptor() ([]byte, []int) {
-	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{18}
+	return file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP(), []int{20}
 }
 
 func (x *DeliverResponse) GetOutcome() Outcome {
@@ -1486,19 +1610,21 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x04name\x18\x01 \x01(\tR\x04name\x12\x18\n" +
 	"\aversion\x18\x02 \x01(\tR\aversion\x12\x18\n" +
 	"\athreads\x18\x03 \x01(\rR\athreads\x12\x1a\n" +
-	"\binstance\x18\x04 \x01(\tR\binstance\"\\\n" +
+	"\binstance\x18\x04 \x01(\tR\binstance\"\x83\x01\n" +
 	"\x10RegisterResponse\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x12+\n" +
-	"\x11heartbeat_seconds\x18\x02 \x01(\x01R\x10heartbeatSeconds\"q\n" +
+	"\x11heartbeat_seconds\x18\x02 \x01(\x01R\x10heartbeatSeconds\x12%\n" +
+	"\x0ecoordinator_id\x18\x03 \x01(\tR\rcoordinatorId\"q\n" +
 	"\fLeaseRequest\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x12!\n" +
 	"\fmax_segments\x18\x02 \x01(\rR\vmaxSegments\x12!\n" +
-	"\fwait_seconds\x18\x03 \x01(\x01R\vwaitSeconds\"u\n" +
+	"\fwait_seconds\x18\x03 \x01(\x01R\vwaitSeconds\"\x98\x01\n" +
 	"\rLeaseResponse\x12-\n" +
 	"\x05tasks\x18\x01 \x03(\v2\x17.metrofarm.farm.v1.TaskR\x05tasks\x12\x1f\n" +
 	"\vttl_seconds\x18\x02 \x01(\x01R\n" +
 	"ttlSeconds\x12\x14\n" +
-	"\x05drain\x18\x03 \x01(\bR\x05drain\"z\n" +
+	"\x05drain\x18\x03 \x01(\bR\x05drain\x12!\n" +
+	"\fseal_seconds\x18\x04 \x01(\x01R\vsealSeconds\"z\n" +
 	"\rLeaseProgress\x121\n" +
 	"\x05lease\x18\x01 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x12\x1a\n" +
 	"\bfraction\x18\x02 \x01(\x01R\bfraction\x12\x1a\n" +
@@ -1548,7 +1674,12 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x06result\"`\n" +
 	"\x0eReportResponse\x124\n" +
 	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +
-	"\amessage\x18\x02 \x01(\tR\amessage\"\x90\x01\n" +
+	"\amessage\x18\x02 \x01(\tR\amessage\"|\n" +
+	"\x0eReleaseRequest\x12\x1b\n" +
+	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x123\n" +
+	"\x06leases\x18\x02 \x03(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x06leases\x12\x18\n" +
+	"\aleaving\x18\x03 \x01(\bR\aleaving\"\x11\n" +
+	"\x0fReleaseResponse\"\x90\x01\n" +
 	"\x0eDeliverRequest\x12:\n" +
 	"\x06header\x18\x01 \x01(\v2 .metrofarm.farm.v1.DeliverHeaderH\x00R\x06header\x127\n" +
 	"\x05tiles\x18\x02 \x01(\v2\x1f.metrofarm.farm.v1.DeliverTilesH\x00R\x05tilesB\t\n" +
@@ -1576,13 +1707,14 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x11OUTCOME_DUPLICATE\x10\x02\x12\x16\n" +
 	"\x12OUTCOME_SUPERSEDED\x10\x03\x12\x14\n" +
 	"\x10OUTCOME_CONFLICT\x10\x04\x12\x14\n" +
-	"\x10OUTCOME_REJECTED\x10\x052\x89\x04\n" +
+	"\x10OUTCOME_REJECTED\x10\x052\xdb\x04\n" +
 	"\vFarmService\x12S\n" +
 	"\bRegister\x12\".metrofarm.farm.v1.RegisterRequest\x1a#.metrofarm.farm.v1.RegisterResponse\x12J\n" +
 	"\x05Lease\x12\x1f.metrofarm.farm.v1.LeaseRequest\x1a .metrofarm.farm.v1.LeaseResponse\x12V\n" +
 	"\tHeartbeat\x12#.metrofarm.farm.v1.HeartbeatRequest\x1a$.metrofarm.farm.v1.HeartbeatResponse\x12^\n" +
 	"\vFetchBundle\x12%.metrofarm.farm.v1.FetchBundleRequest\x1a&.metrofarm.farm.v1.FetchBundleResponse0\x01\x12M\n" +
-	"\x06Report\x12 .metrofarm.farm.v1.ReportRequest\x1a!.metrofarm.farm.v1.ReportResponse\x12R\n" +
+	"\x06Report\x12 .metrofarm.farm.v1.ReportRequest\x1a!.metrofarm.farm.v1.ReportResponse\x12P\n" +
+	"\aRelease\x12!.metrofarm.farm.v1.ReleaseRequest\x1a\".metrofarm.farm.v1.ReleaseResponse\x12R\n" +
 	"\aDeliver\x12!.metrofarm.farm.v1.DeliverRequest\x1a\".metrofarm.farm.v1.DeliverResponse(\x01B1Z/metrofarm/services/gen/metrofarm/farm/v1;farmv1b\x06proto3"
 
 var (
@@ -1598,7 +1730,7 @@ func file_metrofarm_farm_v1_farm_service_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_farm_v1_farm_service_proto_enumTypes = make([]protoimpl.EnumInfo, 3)
-var file_metrofarm_farm_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 19)
+var file_metrofarm_farm_v1_farm_service_proto_msgTypes = make([]protoimpl.MessageInfo, 21)
 var file_metrofarm_farm_v1_farm_service_proto_goTypes = []any{
 	(Directive)(0),              // 0: metrofarm.farm.v1.Directive
 	(FailureReason)(0),          // 1: metrofarm.farm.v1.FailureReason
@@ -1618,58 +1750,63 @@ var file_metrofarm_farm_v1_farm_service_proto_goTypes = []any{
 	(*TaskFailure)(nil),         // 15: metrofarm.farm.v1.TaskFailure
 	(*ReportRequest)(nil),       // 16: metrofarm.farm.v1.ReportRequest
 	(*ReportResponse)(nil),      // 17: metrofarm.farm.v1.ReportResponse
-	(*DeliverRequest)(nil),      // 18: metrofarm.farm.v1.DeliverRequest
-	(*DeliverHeader)(nil),       // 19: metrofarm.farm.v1.DeliverHeader
-	(*DeliverTiles)(nil),        // 20: metrofarm.farm.v1.DeliverTiles
-	(*DeliverResponse)(nil),     // 21: metrofarm.farm.v1.DeliverResponse
-	(*Task)(nil),                // 22: metrofarm.farm.v1.Task
-	(*LeaseRef)(nil),            // 23: metrofarm.farm.v1.LeaseRef
-	(*v1.BundleManifest)(nil),   // 24: metrofarm.scene.v1.BundleManifest
-	(*Anomaly)(nil),             // 25: metrofarm.farm.v1.Anomaly
-	(*SegmentCounts)(nil),       // 26: metrofarm.farm.v1.SegmentCounts
-	(*v1.SceneReport)(nil),      // 27: metrofarm.scene.v1.SceneReport
-	(*BatchHeader)(nil),         // 28: metrofarm.farm.v1.BatchHeader
-	(*Tile)(nil),                // 29: metrofarm.farm.v1.Tile
+	(*ReleaseRequest)(nil),      // 18: metrofarm.farm.v1.ReleaseRequest
+	(*ReleaseResponse)(nil),     // 19: metrofarm.farm.v1.ReleaseResponse
+	(*DeliverRequest)(nil),      // 20: metrofarm.farm.v1.DeliverRequest
+	(*DeliverHeader)(nil),       // 21: metrofarm.farm.v1.DeliverHeader
+	(*DeliverTiles)(nil),        // 22: metrofarm.farm.v1.DeliverTiles
+	(*DeliverResponse)(nil),     // 23: metrofarm.farm.v1.DeliverResponse
+	(*Task)(nil),                // 24: metrofarm.farm.v1.Task
+	(*LeaseRef)(nil),            // 25: metrofarm.farm.v1.LeaseRef
+	(*v1.BundleManifest)(nil),   // 26: metrofarm.scene.v1.BundleManifest
+	(*Anomaly)(nil),             // 27: metrofarm.farm.v1.Anomaly
+	(*SegmentCounts)(nil),       // 28: metrofarm.farm.v1.SegmentCounts
+	(*v1.SceneReport)(nil),      // 29: metrofarm.scene.v1.SceneReport
+	(*BatchHeader)(nil),         // 30: metrofarm.farm.v1.BatchHeader
+	(*Tile)(nil),                // 31: metrofarm.farm.v1.Tile
 }
 var file_metrofarm_farm_v1_farm_service_proto_depIdxs = []int32{
-	22, // 0: metrofarm.farm.v1.LeaseResponse.tasks:type_name -> metrofarm.farm.v1.Task
-	23, // 1: metrofarm.farm.v1.LeaseProgress.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	24, // 0: metrofarm.farm.v1.LeaseResponse.tasks:type_name -> metrofarm.farm.v1.Task
+	25, // 1: metrofarm.farm.v1.LeaseProgress.lease:type_name -> metrofarm.farm.v1.LeaseRef
 	7,  // 2: metrofarm.farm.v1.HeartbeatRequest.leases:type_name -> metrofarm.farm.v1.LeaseProgress
-	23, // 3: metrofarm.farm.v1.LeaseDirective.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	25, // 3: metrofarm.farm.v1.LeaseDirective.lease:type_name -> metrofarm.farm.v1.LeaseRef
 	0,  // 4: metrofarm.farm.v1.LeaseDirective.directive:type_name -> metrofarm.farm.v1.Directive
 	9,  // 5: metrofarm.farm.v1.HeartbeatResponse.directives:type_name -> metrofarm.farm.v1.LeaseDirective
-	24, // 6: metrofarm.farm.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
-	25, // 7: metrofarm.farm.v1.BootstrapResult.anomalies:type_name -> metrofarm.farm.v1.Anomaly
-	26, // 8: metrofarm.farm.v1.KernelTrialsResult.trials:type_name -> metrofarm.farm.v1.SegmentCounts
+	26, // 6: metrofarm.farm.v1.FetchBundleResponse.manifest:type_name -> metrofarm.scene.v1.BundleManifest
+	27, // 7: metrofarm.farm.v1.BootstrapResult.anomalies:type_name -> metrofarm.farm.v1.Anomaly
+	28, // 8: metrofarm.farm.v1.KernelTrialsResult.trials:type_name -> metrofarm.farm.v1.SegmentCounts
 	1,  // 9: metrofarm.farm.v1.TaskFailure.reason:type_name -> metrofarm.farm.v1.FailureReason
-	23, // 10: metrofarm.farm.v1.ReportRequest.lease:type_name -> metrofarm.farm.v1.LeaseRef
-	27, // 11: metrofarm.farm.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
+	25, // 10: metrofarm.farm.v1.ReportRequest.lease:type_name -> metrofarm.farm.v1.LeaseRef
+	29, // 11: metrofarm.farm.v1.ReportRequest.scene:type_name -> metrofarm.scene.v1.SceneReport
 	13, // 12: metrofarm.farm.v1.ReportRequest.bootstrap:type_name -> metrofarm.farm.v1.BootstrapResult
 	15, // 13: metrofarm.farm.v1.ReportRequest.failure:type_name -> metrofarm.farm.v1.TaskFailure
 	14, // 14: metrofarm.farm.v1.ReportRequest.kernel_trials:type_name -> metrofarm.farm.v1.KernelTrialsResult
 	2,  // 15: metrofarm.farm.v1.ReportResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
-	19, // 16: metrofarm.farm.v1.DeliverRequest.header:type_name -> metrofarm.farm.v1.DeliverHeader
-	20, // 17: metrofarm.farm.v1.DeliverRequest.tiles:type_name -> metrofarm.farm.v1.DeliverTiles
-	28, // 18: metrofarm.farm.v1.DeliverHeader.batch:type_name -> metrofarm.farm.v1.BatchHeader
-	29, // 19: metrofarm.farm.v1.DeliverTiles.tiles:type_name -> metrofarm.farm.v1.Tile
-	2,  // 20: metrofarm.farm.v1.DeliverResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
-	3,  // 21: metrofarm.farm.v1.FarmService.Register:input_type -> metrofarm.farm.v1.RegisterRequest
-	5,  // 22: metrofarm.farm.v1.FarmService.Lease:input_type -> metrofarm.farm.v1.LeaseRequest
-	8,  // 23: metrofarm.farm.v1.FarmService.Heartbeat:input_type -> metrofarm.farm.v1.HeartbeatRequest
-	11, // 24: metrofarm.farm.v1.FarmService.FetchBundle:input_type -> metrofarm.farm.v1.FetchBundleRequest
-	16, // 25: metrofarm.farm.v1.FarmService.Report:input_type -> metrofarm.farm.v1.ReportRequest
-	18, // 26: metrofarm.farm.v1.FarmService.Deliver:input_type -> metrofarm.farm.v1.DeliverRequest
-	4,  // 27: metrofarm.farm.v1.FarmService.Register:output_type -> metrofarm.farm.v1.RegisterResponse
-	6,  // 28: metrofarm.farm.v1.FarmService.Lease:output_type -> metrofarm.farm.v1.LeaseResponse
-	10, // 29: metrofarm.farm.v1.FarmService.Heartbeat:output_type -> metrofarm.farm.v1.HeartbeatResponse
-	12, // 30: metrofarm.farm.v1.FarmService.FetchBundle:output_type -> metrofarm.farm.v1.FetchBundleResponse
-	17, // 31: metrofarm.farm.v1.FarmService.Report:output_type -> metrofarm.farm.v1.ReportResponse
-	21, // 32: metrofarm.farm.v1.FarmService.Deliver:output_type -> metrofarm.farm.v1.DeliverResponse
-	27, // [27:33] is the sub-list for method output_type
-	21, // [21:27] is the sub-list for method input_type
-	21, // [21:21] is the sub-list for extension type_name
-	21, // [21:21] is the sub-list for extension extendee
-	0,  // [0:21] is the sub-list for field type_name
+	25, // 16: metrofarm.farm.v1.ReleaseRequest.leases:type_name -> metrofarm.farm.v1.LeaseRef
+	21, // 17: metrofarm.farm.v1.DeliverRequest.header:type_name -> metrofarm.farm.v1.DeliverHeader
+	22, // 18: metrofarm.farm.v1.DeliverRequest.tiles:type_name -> metrofarm.farm.v1.DeliverTiles
+	30, // 19: metrofarm.farm.v1.DeliverHeader.batch:type_name -> metrofarm.farm.v1.BatchHeader
+	31, // 20: metrofarm.farm.v1.DeliverTiles.tiles:type_name -> metrofarm.farm.v1.Tile
+	2,  // 21: metrofarm.farm.v1.DeliverResponse.outcome:type_name -> metrofarm.farm.v1.Outcome
+	3,  // 22: metrofarm.farm.v1.FarmService.Register:input_type -> metrofarm.farm.v1.RegisterRequest
+	5,  // 23: metrofarm.farm.v1.FarmService.Lease:input_type -> metrofarm.farm.v1.LeaseRequest
+	8,  // 24: metrofarm.farm.v1.FarmService.Heartbeat:input_type -> metrofarm.farm.v1.HeartbeatRequest
+	11, // 25: metrofarm.farm.v1.FarmService.FetchBundle:input_type -> metrofarm.farm.v1.FetchBundleRequest
+	16, // 26: metrofarm.farm.v1.FarmService.Report:input_type -> metrofarm.farm.v1.ReportRequest
+	18, // 27: metrofarm.farm.v1.FarmService.Release:input_type -> metrofarm.farm.v1.ReleaseRequest
+	20, // 28: metrofarm.farm.v1.FarmService.Deliver:input_type -> metrofarm.farm.v1.DeliverRequest
+	4,  // 29: metrofarm.farm.v1.FarmService.Register:output_type -> metrofarm.farm.v1.RegisterResponse
+	6,  // 30: metrofarm.farm.v1.FarmService.Lease:output_type -> metrofarm.farm.v1.LeaseResponse
+	10, // 31: metrofarm.farm.v1.FarmService.Heartbeat:output_type -> metrofarm.farm.v1.HeartbeatResponse
+	12, // 32: metrofarm.farm.v1.FarmService.FetchBundle:output_type -> metrofarm.farm.v1.FetchBundleResponse
+	17, // 33: metrofarm.farm.v1.FarmService.Report:output_type -> metrofarm.farm.v1.ReportResponse
+	19, // 34: metrofarm.farm.v1.FarmService.Release:output_type -> metrofarm.farm.v1.ReleaseResponse
+	23, // 35: metrofarm.farm.v1.FarmService.Deliver:output_type -> metrofarm.farm.v1.DeliverResponse
+	29, // [29:36] is the sub-list for method output_type
+	22, // [22:29] is the sub-list for method input_type
+	22, // [22:22] is the sub-list for extension type_name
+	22, // [22:22] is the sub-list for extension extendee
+	0,  // [0:22] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_farm_v1_farm_service_proto_init() }
@@ -1688,7 +1825,7 @@ func file_metrofarm_farm_v1_farm_service_proto_init() {
 		(*ReportRequest_Failure)(nil),
 		(*ReportRequest_KernelTrials)(nil),
 	}
-	file_metrofarm_farm_v1_farm_service_proto_msgTypes[15].OneofWrappers = []any{
+	file_metrofarm_farm_v1_farm_service_proto_msgTypes[17].OneofWrappers = []any{
 		(*DeliverRequest_Header)(nil),
 		(*DeliverRequest_Tiles)(nil),
 	}
@@ -1698,7 +1835,7 @@ func file_metrofarm_farm_v1_farm_service_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_farm_v1_farm_service_proto_rawDesc), len(file_metrofarm_farm_v1_farm_service_proto_rawDesc)),
 			NumEnums:      3,
-			NumMessages:   19,
+			NumMessages:   21,
 			NumExtensions: 0,
 			NumServices:   1,
 		},

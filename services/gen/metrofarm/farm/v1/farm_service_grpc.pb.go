@@ -26,6 +26,7 @@ const (
 	FarmService_Heartbeat_FullMethodName   = "/metrofarm.farm.v1.FarmService/Heartbeat"
 	FarmService_FetchBundle_FullMethodName = "/metrofarm.farm.v1.FarmService/FetchBundle"
 	FarmService_Report_FullMethodName      = "/metrofarm.farm.v1.FarmService/Report"
+	FarmService_Release_FullMethodName     = "/metrofarm.farm.v1.FarmService/Release"
 	FarmService_Deliver_FullMethodName     = "/metrofarm.farm.v1.FarmService/Deliver"
 )
 
@@ -40,7 +41,8 @@ type FarmServiceClient interface {
 	// Introduces a worker. Called again after NOT_FOUND from any other call (the coordinator was
 	// restarted). INVALID_ARGUMENT: a field is missing; do not retry.
 	Register(ctx context.Context, in *RegisterRequest, opts ...grpc.CallOption) (*RegisterResponse, error)
-	// Takes tasks; waits up to wait_seconds when there are none. NOT_FOUND: register first.
+	// Takes tasks; waits up to wait_seconds when there are none, or while the coordinator has more
+	// results in memory than it may. NOT_FOUND: register first.
 	Lease(ctx context.Context, in *LeaseRequest, opts ...grpc.CallOption) (*LeaseResponse, error)
 	// Renews all leases that the worker holds and tells their progress. A lease that is not renewed
 	// for its time to live is given to another worker. NOT_FOUND: register first.
@@ -50,8 +52,13 @@ type FarmServiceClient interface {
 	// Reports the result of an InspectTask, a BootstrapTask or a KernelTrialsTask, or the failure of any task.
 	// A report under an old epoch is answered OUTCOME_SUPERSEDED and has no effect.
 	Report(ctx context.Context, in *ReportRequest, opts ...grpc.CallOption) (*ReportResponse, error)
+	// Gives leases back without blame, so that they are granted again at once. Leases that the worker
+	// does not hold are no error. NOT_FOUND: the worker holds nothing.
+	Release(ctx context.Context, in *ReleaseRequest, opts ...grpc.CallOption) (*ReleaseResponse, error)
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the
-	// header excepted where chain states make it longer (up to 64 MiB).
+	// header excepted where chain states make it longer (up to 64 MiB). The coordinator reads nothing
+	// of it before it has room. RESOURCE_EXHAUSTED: two others of this worker are not answered yet;
+	// repeat it later.
 	Deliver(ctx context.Context, opts ...grpc.CallOption) (grpc.ClientStreamingClient[DeliverRequest, DeliverResponse], error)
 }
 
@@ -122,6 +129,16 @@ func (c *farmServiceClient) Report(ctx context.Context, in *ReportRequest, opts 
 	return out, nil
 }
 
+func (c *farmServiceClient) Release(ctx context.Context, in *ReleaseRequest, opts ...grpc.CallOption) (*ReleaseResponse, error) {
+	cOpts := append([]grpc.CallOption{grpc.StaticMethod()}, opts...)
+	out := new(ReleaseResponse)
+	err := c.cc.Invoke(ctx, FarmService_Release_FullMethodName, in, out, cOpts...)
+	if err != nil {
+		return nil, err
+	}
+	return out, nil
+}
+
 func (c *farmServiceClient) Deliver(ctx context.Context, opts ...grpc.CallOption) (grpc.ClientStreamingClient[DeliverRequest, DeliverResponse], error) {
 	cOpts := append([]grpc.CallOption{grpc.StaticMethod()}, opts...)
 	stream, err := c.cc.NewStream(ctx, &FarmService_ServiceDesc.Streams[1], FarmService_Deliver_FullMethodName, cOpts...)
@@ -146,7 +163,8 @@ type FarmServiceServer interface {
 	// Introduces a worker. Called again after NOT_FOUND from any other call (the coordinator was
 	// restarted). INVALID_ARGUMENT: a field is missing; do not retry.
 	Register(context.Context, *RegisterRequest) (*RegisterResponse, error)
-	// Takes tasks; waits up to wait_seconds when there are none. NOT_FOUND: register first.
+	// Takes tasks; waits up to wait_seconds when there are none, or while the coordinator has more
+	// results in memory than it may. NOT_FOUND: register first.
 	Lease(context.Context, *LeaseRequest) (*LeaseResponse, error)
 	// Renews all leases that the worker holds and tells their progress. A lease that is not renewed
 	// for its time to live is given to another worker. NOT_FOUND: register first.
@@ -156,8 +174,13 @@ type FarmServiceServer interface {
 	// Reports the result of an InspectTask, a BootstrapTask or a KernelTrialsTask, or the failure of any task.
 	// A report under an old epoch is answered OUTCOME_SUPERSEDED and has no effect.
 	Report(context.Context, *ReportRequest) (*ReportResponse, error)
+	// Gives leases back without blame, so that they are granted again at once. Leases that the worker
+	// does not hold are no error. NOT_FOUND: the worker holds nothing.
+	Release(context.Context, *ReleaseRequest) (*ReleaseResponse, error)
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the
-	// header excepted where chain states make it longer (up to 64 MiB).
+	// header excepted where chain states make it longer (up to 64 MiB). The coordinator reads nothing
+	// of it before it has room. RESOURCE_EXHAUSTED: two others of this worker are not answered yet;
+	// repeat it later.
 	Deliver(grpc.ClientStreamingServer[DeliverRequest, DeliverResponse]) error
 	mustEmbedUnimplementedFarmServiceServer()
 }
@@ -183,6 +206,9 @@ func (UnimplementedFarmServiceServer) FetchBundle(*FetchBundleRequest, grpc.Serv
 }
 func (UnimplementedFarmServiceServer) Report(context.Context, *ReportRequest) (*ReportResponse, error) {
 	return nil, status.Error(codes.Unimplemented, "method Report not implemented")
+}
+func (UnimplementedFarmServiceServer) Release(context.Context, *ReleaseRequest) (*ReleaseResponse, error) {
+	return nil, status.Error(codes.Unimplemented, "method Release not implemented")
 }
 func (UnimplementedFarmServiceServer) Deliver(grpc.ClientStreamingServer[DeliverRequest, DeliverResponse]) error {
 	return status.Error(codes.Unimplemented, "method Deliver not implemented")
@@ -291,6 +317,24 @@ func _FarmService_Report_Handler(srv interface{}, ctx context.Context, dec func(
 	return interceptor(ctx, in, info, handler)
 }
 
+func _FarmService_Release_Handler(srv interface{}, ctx context.Context, dec func(interface{}) error, interceptor grpc.UnaryServerInterceptor) (interface{}, error) {
+	in := new(ReleaseRequest)
+	if err := dec(in); err != nil {
+		return nil, err
+	}
+	if interceptor == nil {
+		return srv.(FarmServiceServer).Release(ctx, in)
+	}
+	info := &grpc.UnaryServerInfo{
+		Server:     srv,
+		FullMethod: FarmService_Release_FullMethodName,
+	}
+	handler := func(ctx context.Context, req interface{}) (interface{}, error) {
+		return srv.(FarmServiceServer).Release(ctx, req.(*ReleaseRequest))
+	}
+	return interceptor(ctx, in, info, handler)
+}
+
 func _FarmService_Deliver_Handler(srv interface{}, stream grpc.ServerStream) error {
 	return srv.(FarmServiceServer).Deliver(&grpc.GenericServerStream[DeliverRequest, DeliverResponse]{ServerStream: stream})
 }
@@ -320,6 +364,10 @@ var FarmService_ServiceDesc = grpc.ServiceDesc{
 		{
 			MethodName: "Report",
 			Handler:    _FarmService_Report_Handler,
+		},
+		{
+			MethodName: "Release",
+			Handler:    _FarmService_Release_Handler,
 		},
 	},
 	Streams: []grpc.StreamDesc{

@@ -1,0 +1,72 @@
+package coordinator
+
+import (
+	"context"
+	"fmt"
+
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/store"
+)
+
+// Delete implements api.Service.
+func (c *Coordinator) Delete(ctx context.Context, id string) error {
+	r := c.running(id)
+	if r == nil {
+		return c.deleteStored(ctx, id)
+	}
+	r.mu.Lock()
+	if !r.rec.State.Ended() {
+		defer r.mu.Unlock()
+		return undeletable(&r.rec)
+	}
+	r.state, r.dirty = nil, false
+	unneeded := append(r.garbage, checkpointsOf(&r.rec)...)
+	err := c.options.Store.DeleteJob(ctx, r.epoch, id)
+	if err == nil {
+		r.gone.Store(true)
+	}
+	r.mu.Unlock()
+	if err != nil {
+		return fmt.Errorf("delete: %w", err)
+	}
+	c.mu.Lock()
+	c.remove(r)
+	c.mu.Unlock()
+	r.closeStreams()
+	c.discard(unneeded)
+	return nil
+}
+
+func undeletable(rec *store.Record) error {
+	return fmt.Errorf("job %s is %s; cancel it first: %w", rec.ID, rec.State, job.ErrConflict)
+}
+
+// deleteStored deletes a job that has ended; to do so it must be owned.
+func (c *Coordinator) deleteStored(ctx context.Context, id string) error {
+	r, err := c.find(ctx, id)
+	if err != nil {
+		return err
+	}
+	if !r.rec.State.Ended() {
+		return undeletable(&r.rec)
+	}
+	c.endedMu.Lock()
+	defer c.endedMu.Unlock()
+	epoch, err := c.acquireEnded(ctx, &r.rec)
+	if err != nil {
+		return fmt.Errorf("delete: %w", err)
+	}
+	if err := c.options.Store.DeleteJob(ctx, epoch, id); err != nil {
+		return fmt.Errorf("delete: %w", err)
+	}
+	c.discard(checkpointsOf(&r.rec))
+	return nil
+}
+
+// checkpointsOf a record: one or none.
+func checkpointsOf(rec *store.Record) []string {
+	if rec.Checkpoint == "" {
+		return nil
+	}
+	return []string{rec.Checkpoint}
+}

@@ -1,0 +1,159 @@
+package coordinator
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"slices"
+
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/store"
+)
+
+// running returns a job that this coordinator owns, nil if it does not.
+func (c *Coordinator) running(id string) *run {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	return c.jobs[id]
+}
+
+// find returns a job to look at: live, or as it was last stored.
+func (c *Coordinator) find(ctx context.Context, id string) (*run, error) {
+	if r := c.running(id); r != nil && !r.ahead() {
+		return r, nil
+	}
+	j, err := c.options.Store.Job(ctx, id)
+	switch {
+	case errors.Is(err, job.ErrNotFound):
+		return nil, fmt.Errorf("job %q: %w", id, job.ErrNotFound)
+	case err != nil:
+		return nil, err
+	}
+	return c.stored(j.Record), nil
+}
+
+// ahead tells whether the job has ended, but not in the store: its next owner could see that
+// otherwise.
+func (r *run) ahead() bool {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	return r.behind && r.rec.State.Ended()
+}
+
+// stored is a job to look at that this coordinator does not own.
+func (c *Coordinator) stored(rec store.Record) *run {
+	r := c.newRun(rec, 0)
+	r.gone.Store(true)
+	// Nothing more happens to a job that has ended. Readers of others must look for its owner.
+	r.events.closed = !rec.State.Ended()
+	return r
+}
+
+// Job implements api.Service.
+func (c *Coordinator) Job(ctx context.Context, id string) (job.Snapshot, error) {
+	r, err := c.find(ctx, id)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	snapshot := r.view()
+	if r.waits() {
+		snapshot.QueuePosition = c.positions()[r]
+	}
+	return snapshot, nil
+}
+
+// view is the job's public view.
+func (r *run) view() job.Snapshot {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	return r.snapshot()
+}
+
+// Owner returns the coordinator to ask about a job, the zero Member if it is this one: because it owns
+// the job, or because nobody does that can be asked.
+func (c *Coordinator) Owner(ctx context.Context, id string) (store.Member, error) {
+	if c.running(id) != nil {
+		return store.Member{}, nil
+	}
+	j, err := c.options.Store.Job(ctx, id)
+	if errors.Is(err, job.ErrNotFound) {
+		return store.Member{}, nil // said by whoever looks
+	}
+	if err != nil || !c.elsewhere(j.Owner) {
+		return store.Member{}, err
+	}
+	return j.Owner, nil
+}
+
+// elsewhere tells whether a member is another one that can be asked.
+func (c *Coordinator) elsewhere(m store.Member) bool {
+	return m.ID != c.options.Member.ID && m.REST != ""
+}
+
+// Peers returns the other coordinators that can be asked.
+func (c *Coordinator) Peers(ctx context.Context) ([]store.Member, error) {
+	members, err := c.options.Store.Members(ctx)
+	if err != nil {
+		return nil, err
+	}
+	return slices.DeleteFunc(members, func(m store.Member) bool { return !c.elsewhere(m) }), nil
+}
+
+// Own returns the jobs that this coordinator owns, newest first.
+func (c *Coordinator) Own() []job.Snapshot {
+	runs := c.runs()
+	slices.Reverse(runs)
+	snapshots := make([]job.Snapshot, len(runs))
+	positions := c.positions()
+	for i, r := range runs {
+		snapshots[i] = r.view()
+		snapshots[i].QueuePosition = positions[r]
+	}
+	return snapshots
+}
+
+// Live implements api.Service: a job that has ended is soon given up.
+func (c *Coordinator) Live(context.Context) ([]job.Snapshot, error) { return c.Own(), nil }
+
+// Jobs implements api.Service. Snapshots of jobs that other coordinators own are marked as stale.
+func (c *Coordinator) Jobs(ctx context.Context, cursor string, limit int) ([]job.Snapshot, string, error) {
+	if limit <= 0 {
+		limit = defaultPage
+	}
+	limit = min(limit, maxPage)
+	before := uint64(0)
+	if cursor != "" {
+		last, err := c.options.Store.Job(ctx, cursor)
+		switch {
+		case errors.Is(err, job.ErrNotFound):
+			return nil, "", &job.FieldError{Field: "cursor", Detail: "names no job"}
+		case err != nil:
+			return nil, "", err
+		}
+		before = last.Number
+	}
+	page, err := c.options.Store.Jobs(ctx, before, limit+1)
+	if err != nil {
+		return nil, "", err
+	}
+	next := ""
+	if len(page) > limit {
+		page = page[:limit]
+		next = page[limit-1].ID
+	}
+	snapshots := make([]job.Snapshot, 0, len(page))
+	positions := c.positions()
+	for _, j := range page {
+		r := c.running(j.ID)
+		if r == nil || r.ahead() {
+			r = c.stored(j.Record)
+		}
+		snapshot := r.view()
+		snapshot.QueuePosition = positions[r]
+		if c.elsewhere(j.Owner) {
+			snapshot.Owner = j.Owner.REST
+		}
+		snapshots = append(snapshots, snapshot)
+	}
+	return snapshots, next, nil
+}

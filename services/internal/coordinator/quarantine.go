@@ -1,0 +1,38 @@
+package coordinator
+
+import (
+	"log/slog"
+	"time"
+)
+
+// A worker whose film does not fit its own digests has bad memory, or something between it and here
+// changes what it sends. Nothing of such a batch is merged, so that the image is right whatever
+// follows; but its segments have to be rendered again. So the worker gets no leases for a time that
+// doubles with every such batch and is halved with every one that is merged: one flip costs a moment,
+// a broken machine is asked every few minutes.
+
+// quarantineDoublings bounds the time: 1 s becomes 4 minutes at most.
+const quarantineDoublings = 8
+
+// quarantine keeps a worker from leases for a time, and says for how long.
+func (c *Coordinator) quarantine(id string) time.Duration {
+	c.mu.Lock()
+	defer c.mu.Unlock()
+	w := c.workers[id]
+	if w == nil {
+		return 0
+	}
+	length := c.options.Quarantine << min(w.damaged, quarantineDoublings)
+	w.damaged++
+	w.quarantined = c.options.Now().Add(length)
+	c.metrics.quarantines.Inc()
+	return length
+}
+
+func (w *worker) inQuarantine(now time.Time) bool { return now.Before(w.quarantined) }
+
+// damaged tells of a batch whose film does not fit its own digests. Requires: run.mu.
+func (d *Delivery) damaged(message string) {
+	length := d.c.quarantine(d.worker.id)
+	d.conflict(message, slog.Float64("quarantine_seconds", length.Seconds()))
+}

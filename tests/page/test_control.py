@@ -1,0 +1,159 @@
+"""What people change by the page: jobs, workers, and who they are."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from farm import SCENES, Farm, run
+from watched import Watched
+
+SCENE = SCENES / "cornell-box" / "scene.xml"
+SMALL = {"width": 96, "height": 96, "integrator": "mmlt"}
+
+
+@pytest.fixture
+def guarded(tmp_path: Path) -> Iterator[tuple[Farm, dict[str, str]]]:
+    """A coordinator that asks for tokens, and a token of each role."""
+    tokens, lines = {}, []
+    for role in ("read", "submit", "admin"):
+        made = run("token", role, f"{role}er")
+        token, line = made.stdout.split("\n")[:2]
+        tokens[role] = token
+        lines.append(line)
+    file = tmp_path / "tokens"
+    file.write_text("\n".join(lines) + "\n")
+    file.chmod(0o600)
+    farm = Farm(tmp_path, options=("--tokens", str(file)))
+    farm.start()
+    farm.start_worker("anvil")
+    yield farm, tokens
+    farm.close()
+
+
+def sign_in(page: Page, token: str) -> None:
+    page.fill("#token", token)
+    page.get_by_role("button", name="Sign in").click()
+
+
+def test_signing_in(guarded: tuple[Farm, dict[str, str]], watched: Watched) -> None:
+    farm, tokens = guarded
+    page = watched.page
+    page.goto(farm.url)
+    expect(page.locator("#login")).to_be_visible()
+    watched.check_access()
+    sign_in(page, "mf_wrong")
+    expect(page.locator("#login [role=alert]")).to_be_visible()
+    expect(page.get_by_text("anvil")).to_have_count(0)
+    sign_in(page, tokens["read"])
+    expect(page.locator("#login")).to_be_hidden()
+    expect(page.locator(".user")).to_contain_text("reader")
+    expect(page.get_by_role("button", name="Drain anvil")).to_be_disabled()
+    page.get_by_role("link", name="New job").first.click()
+    expect(page.get_by_role("button", name="Submit")).to_be_disabled()
+    page.reload()  # the session outlives it
+    expect(page.locator(".user")).to_contain_text("reader")
+    assert tokens["read"] not in page.evaluate("JSON.stringify(localStorage) + document.cookie")
+
+    page.get_by_role("button", name="Sign out").click()
+    expect(page.locator("#login")).to_be_visible()
+    sign_in(page, tokens["admin"])
+    page.get_by_role("link", name="Farm", exact=True).click()
+    expect(page.get_by_role("button", name="Drain anvil")).to_be_enabled()
+    watched.complaints.clear()  # the browser reports each 401
+
+
+def test_draining_a_worker(farm: Farm, watched: Watched) -> None:
+    farm.start_worker("anvil")
+    page = watched.page
+    page.goto(farm.url)
+    row = page.get_by_role("row").filter(has_text="anvil")
+    expect(row).to_contain_text("idle")
+    page.get_by_role("button", name="Drain anvil").click()
+    expect(page.get_by_role("row").filter(has_text="anvil")).to_have_count(0)
+    expect(page.get_by_role("row").filter(has_text="local-1")).to_have_count(1)
+    # The program ends by itself, having said that it leaves.
+    assert farm.workers["anvil"].wait(60) == 0
+
+
+def test_refining(farm: Farm, watched: Watched) -> None:
+    job = farm.submit(SCENE, **SMALL, stop={"rounds": 3})
+    fresh = farm.submit(SCENE, **SMALL, stop={"rounds": 5})
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(page.locator(".job-head .badge")).to_contain_text("done")
+    page.get_by_role("button", name="Refine").click()
+    page.get_by_label("Go on until").select_option("rounds")
+    page.get_by_label("Value of the rule").fill("2")
+    page.get_by_role("button", name="Go on").click()
+    expect(page.locator(".message")).to_contain_text("rounds")  # which are fewer than there are
+    watched.complaints.clear()  # the browser reports the refusal
+    page.get_by_role("button", name="Dismiss").click()
+    page.get_by_role("button", name="Refine").click()
+    page.get_by_label("Go on until").select_option("rounds")
+    page.get_by_label("Value of the rule").fill("5")
+    page.get_by_role("button", name="Go on").click()
+    watched.wait_for_points(5)
+    expect(page.locator(".job-head .badge")).to_contain_text("done")
+    expect(page.locator("ol.log")).to_contain_text("refine")
+    assert farm.wait(job)["film_sha256"] == farm.wait(fresh)["film_sha256"]
+
+
+def test_pause_priority_clone_and_keys(farm: Farm, watched: Watched) -> None:
+    job = farm.submit(SCENE, **SMALL, name="first", stop={"time_seconds": 600})
+    page = watched.page
+    page.goto(farm.url)
+    link = page.get_by_role("link", name="first", exact=True)
+    link.focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Pause").click()
+    expect(page.locator(".job-head .badge")).to_contain_text("paused")
+    page.get_by_label("Priority").fill("7")
+    page.keyboard.press("Tab")
+    expect(page.locator("ol.log")).to_contain_text("priority changed from 0 to 7")
+    assert farm.job(job)["request"]["priority"] == 7
+
+    page.wait_for_timeout(1500)  # what has been asked for comes
+    asked = len(watched.requests)
+    page.wait_for_timeout(4000)
+    assert watched.requests[asked:] == [], "the page asks although nothing happens"
+    streams = [url for url in watched.requests if url.endswith(f"/{job}/events")]
+    assert len(streams) == 1
+
+    page.get_by_role("button", name="Resume").click()
+    page.get_by_role("link", name="Clone").click()
+    expect(page.locator("#option-name")).to_have_value("first")
+    expect(page.locator("[id='option-stop.time_seconds']")).to_have_value("600")
+    watched.check_access()
+    page.fill("#option-name", "second")
+    page.fill("[id='option-stop.target_error']", "0.0001")
+    page.get_by_role("button", name="Submit").click()
+    expect(page.locator("h1")).to_have_text("second")
+    expect(page.locator("#estimate")).to_contain_text("told after round 2")
+    farm.post(f"/v1/jobs/{job}/cancel")  # so that the other goes on faster
+    expect(page.locator("#estimate")).to_contain_text(re.compile("target 0.0001 in about .* to "))
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".job-head .badge")).to_contain_text("canceled")
+    request = farm.job(page.url.rpartition("/")[2])["request"]
+    assert request["name"] == "second"
+    assert request["stop"] == {**farm.job(job)["request"]["stop"], "target_error": 0.0001}
+
+
+def test_a_bundle_that_is_dropped(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    page.goto(f"{farm.url}/#/submit")
+    text = "<scene version='3.0.0'/>"
+    page.evaluate(
+        """(text) => {
+          const files = new DataTransfer()
+          files.items.add(new File([text], 'scene.zip'))
+          document.querySelector('.drop').dispatchEvent(
+            new DragEvent('drop', { dataTransfer: files, bubbles: true, cancelable: true }))
+        }""",
+        text,
+    )
+    expect(page.locator(".drop output")).to_contain_text("archive")  # which this is not
+    watched.complaints.clear()
+    expect(page.locator("input[name=scene]:checked")).to_have_count(0)

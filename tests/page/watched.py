@@ -1,0 +1,51 @@
+"""A page whose complaints are kept."""
+
+import json
+from typing import Any
+from urllib.parse import urlsplit
+
+from playwright.sync_api import Page
+
+from farm import ROOT
+
+AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
+
+
+class Watched:
+    """A page whose complaints are kept. While the server is down, failing requests are no news."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.down = False
+        page.set_default_timeout(120_000)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("console", lambda message: self._note(message.type, message.text))
+
+    def _note(self, kind: str, text: str) -> None:
+        if kind in ("error", "warning") and not (self.down and "ERR_" in text):
+            self.complaints.append(text)
+
+    def wait_for_points(self, at_least: int) -> None:
+        """Until the curve of the error has so many points."""
+        self.page.wait_for_function(
+            "(n) => Number(document.querySelector('.chart')?.dataset.points ?? 0) >= n",
+            arg=at_least,
+        )
+
+    def elsewhere(self) -> list[str]:
+        """Requests to anybody but this machine."""
+        return [url for url in self.requests if urlsplit(url).hostname not in (None, "127.0.0.1")]
+
+    def check_access(self) -> None:
+        """axe finds nothing that it calls serious or critical."""
+        self.page.evaluate(AXE.read_text())
+        found: list[dict[str, Any]] = self.page.evaluate("axe.run().then((r) => r.violations)")
+        serious = [
+            {"rule": v["id"], "nodes": [n["html"][:200] for n in v["nodes"]]}
+            for v in found
+            if v["impact"] in ("serious", "critical")
+        ]
+        assert not serious, json.dumps(serious, indent=1)

@@ -1,0 +1,125 @@
+#include "rpc/scene_cache.h"
+
+#include <chrono>
+#include <map>
+#include <new>
+
+#include "scene_file/load.h"
+
+namespace metrofarm::rpc {
+
+namespace fs = std::filesystem;
+using metrofarm::scene::v1::SceneRef;
+
+namespace {
+
+constexpr size_t kScenes = 3;
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// The same scene under the same key, whatever order the map's entries come in.
+std::string key_of(const SceneRef& ref) {
+  std::map<std::string, std::string> sorted(ref.defaults().begin(), ref.defaults().end());
+  std::string key = ref.bundle_digest() + "\n" + ref.entry() + "\n" + (ref.lenient() ? "1" : "0");
+  for (const auto& [name, value] : sorted) key += "\n" + name + "=" + value;
+  return key;
+}
+
+// The error with files named as in the bundle.
+Error relative(Error error, const fs::path& bundle) {
+  std::error_code ignored;
+  const std::string canonical = fs::weakly_canonical(bundle, ignored).string() + "/";
+  for (const std::string& prefix : {bundle.string() + "/", canonical}) {
+    if (error.where.file.starts_with(prefix)) error.where.file.erase(0, prefix.size());
+    for (size_t at; (at = error.message.find(prefix)) != std::string::npos;)
+      error.message.erase(at, prefix.size());
+  }
+  return error;
+}
+
+}  // namespace
+
+SceneCache::SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log)
+    : options_(std::move(options)),
+      metrics_(metrics),
+      bundles_(options_.directory, options_.max_bytes, metrics, log) {}
+
+std::optional<LoadFault> SceneCache::get(const SceneRef& ref, const Fetch& fetch,
+                                         const Progress& progress, Scene& scene) {
+  const std::lock_guard lock(mutex_);
+  const std::string key = key_of(ref);
+  for (auto it = scenes_.begin(); it != scenes_.end(); ++it) {
+    if (it->key != key) continue;
+    scenes_.splice(scenes_.begin(), scenes_, it);
+    scene = scenes_.front().scene;
+    return std::nullopt;
+  }
+  shrink(options_.scene_memory / 2, kScenes - 1);
+  if (auto fault = load(ref, fetch, progress, scene)) return fault;
+  scenes_.push_front({key, scene, scene->scene->bytes().total()});
+  shrink(options_.scene_memory, kScenes);
+  return std::nullopt;
+}
+
+// Requires: mutex_. The scene used last stays.
+void SceneCache::shrink(uint64_t max_bytes, size_t max_scenes) {
+  uint64_t bytes = 0;
+  for (const Kept& kept : scenes_) bytes += kept.bytes;
+  while (scenes_.size() > 1 && (bytes > max_bytes || scenes_.size() > max_scenes)) {
+    bytes -= scenes_.back().bytes;
+    scenes_.pop_back();
+  }
+  metrics_.loaded_scenes(scenes_.size(), bytes);
+}
+
+std::optional<LoadFault> SceneCache::load(const SceneRef& ref, const Fetch& fetch,
+                                          const Progress& progress, Scene& scene) {
+  if (!is_safe_bundle_path(ref.entry()))
+    return LoadFault{LoadFault::Kind::kScene, "unsafe scene reference '" + ref.entry() + "'"};
+  progress(0, "fetching the scene");
+  BundleStore::Pin pin;
+  const auto fetch_this = [&](BundleWriter& writer, std::string& problem) {
+    return fetch(ref.bundle_digest(), writer, problem);
+  };
+  if (auto fault = bundles_.pin(ref.bundle_digest(), options_.threads, fetch_this, pin))
+    return fault;
+  scene_file::LoadOptions options;
+  options.defaults = {ref.defaults().begin(), ref.defaults().end()};
+  options.lenient = ref.lenient();
+  options.root = pin.directory;
+  options.progress = progress;
+  options.max_bytes = options_.scene_memory;
+  const auto load_start = std::chrono::steady_clock::now();
+  auto description = scene_file::load_scene(pin.directory / ref.entry(), options);
+  if (!description) {
+    return LoadFault{LoadFault::Kind::kScene,
+                     relative(description.error(), pin.directory).to_string()};
+  }
+  for (Error& warning : description.value().warnings) warning = relative(warning, pin.directory);
+
+  auto loaded = std::make_shared<LoadedScene>();
+  loaded->times.load_seconds = seconds_since(load_start);
+  progress(1, "building the acceleration structure");
+  const auto build_start = std::chrono::steady_clock::now();
+  try {
+    loaded->scene = std::make_unique<transport::Scene>(std::move(description.value()), options_.isa,
+                                                       options_.scene_memory);
+  } catch (const std::bad_alloc&) {
+    return LoadFault{LoadFault::Kind::kWorker,
+                     "geometry and acceleration structure take more than the worker's " +
+                         std::to_string(options_.scene_memory) + " bytes of --scene-memory"};
+  }
+  loaded->times.build_seconds = seconds_since(build_start);
+  scene = std::move(loaded);
+  return std::nullopt;
+}
+
+void SceneCache::clear() {
+  const std::lock_guard lock(mutex_);
+  scenes_.clear();
+  metrics_.loaded_scenes(0, 0);
+}
+
+}  // namespace metrofarm::rpc

@@ -1,0 +1,68 @@
+// Loaded scenes in memory, found again by content.
+#pragma once
+
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "metrofarm/scene/v1/scene.pb.h"
+#include "rpc/bundle_store.h"
+#include "rpc/convert.h"
+#include "rpc/load_fault.h"
+#include "transport/scene.h"
+
+namespace metrofarm::rpc {
+
+struct LoadedScene {
+  std::unique_ptr<transport::Scene> scene;
+  LoadTimes times;
+};
+
+struct SceneCacheOptions {
+  std::filesystem::path directory;          // of the bundles
+  uint64_t max_bytes = uint64_t{10} << 30;  // of the bundles
+  // That the meshes and images of one scene may take, and all scenes together that are kept.
+  uint64_t scene_memory = uint64_t{16} << 30;
+  std::string isa;
+  int threads = 1;
+};
+
+// Keeps the most recently used scenes. Thread-safe.
+class SceneCache {
+ public:
+  // Fetches the bundle `digest`.
+  using Fetch = std::function<CallResult(const std::string& digest, BundleWriter& writer,
+                                         std::string& problem)>;
+  using Progress = std::function<void(double fraction, std::string_view activity)>;
+  using Scene = std::shared_ptr<const LoadedScene>;
+
+  SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log);
+
+  // Loads the scene unless it is there. Messages name files relative to the bundle.
+  std::optional<LoadFault> get(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
+                               const Progress& progress, Scene& scene);
+  // Forgets loaded scenes, in case memory is to blame.
+  void clear();
+
+ private:
+  std::optional<LoadFault> load(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
+                                const Progress& progress, Scene& scene);
+  void shrink(uint64_t max_bytes, size_t max_scenes);
+
+  SceneCacheOptions options_;
+  Metrics& metrics_;
+  BundleStore bundles_;
+  std::mutex mutex_;
+  struct Kept {
+    std::string key;
+    Scene scene;
+    uint64_t bytes = 0;
+  };
+  std::list<Kept> scenes_;  // most recently used first
+};
+
+}  // namespace metrofarm::rpc
