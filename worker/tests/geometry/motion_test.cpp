@@ -101,12 +101,13 @@ Compared compare(const World& moving, const World& still, float time,
       }
       const double cosine = dot(lane_of(sb.geometric_normal, lane), lane_of(direction, lane));
       if (std::fabs(cosine) < 0.1) continue;
-      expect_near(lane_of(sa.position, lane), lane_of(sb.position, lane), kNear);
+      expect_near(lane_of(sa.position, lane), lane_of(sb.position, lane),
+                  kNear / std::fabs(cosine));
       if (lane_word(as_uint(a.primitive), lane) != lane_word(as_uint(b.primitive), lane)) continue;
       expect_near(lane_of(sa.geometric_normal, lane), lane_of(sb.geometric_normal, lane),
                   std::min(normal_tolerance, 3 * kNear));
       expect_near(lane_of(sa.shading_normal, lane), lane_of(sb.shading_normal, lane),
-                  normal_tolerance);
+                  normal_tolerance / std::fabs(cosine));
       EXPECT_NEAR(lane_value(sa.point.uv.x, lane), lane_value(sb.point.uv.x, lane), 2e-3);
       EXPECT_NEAR(lane_value(sa.point.uv.y, lane), lane_value(sb.point.uv.y, lane), 2e-3);
       expect_near(lane_of(sa.dp_du, lane), lane_of(sb.dp_du, lane), 2e-2);

@@ -82,6 +82,7 @@ void expect_same(const std::vector<test::Moments>& a, const std::vector<test::Mo
   for (size_t t = 0; t < a.size(); ++t) {
     const double difference = a[t].mean() - b[t].mean() * factor;
     const double error = std::hypot(a[t].standard_error(), factor * b[t].standard_error());
+    if (difference == 0) continue;  // both black
     EXPECT_GT(test::normal_p(difference / error), test::sidak(1e-6, 16))
         << t << ": " << a[t].mean() << " against " << factor * b[t].mean();
   }
@@ -140,12 +141,14 @@ TEST(Shutter, RollingRowsAgree) {
     const auto path = trace(d, s, With::kPath, kPaths);
     expect_same(path, trace(d, s, With::kBidirectional, kPaths));
     expect_same(path, trace(d, s, With::kMultiplexed, 4 * kPaths));
-    // The middle of the first row sees the first 0.4 of the time only, the last row the last.
+    // The first row sees one end of the time only, the last row the other.
     const auto all = trace(d, open_from(0, 1), With::kPath, kPaths);
     double apart = 0;
-    for (size_t t = 0; t < all.size(); ++t)
+    for (size_t t = 0; t < all.size(); ++t) {
+      if (all[t].mean() == 0) continue;
       apart = std::max(apart, std::fabs(all[t].mean() - path[t].mean()) /
                                   std::hypot(all[t].standard_error(), path[t].standard_error()));
+    }
     EXPECT_GT(apart, 8);
   }
 }
