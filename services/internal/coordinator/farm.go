@@ -197,7 +197,7 @@ func (r *run) grant(w worker, limit int) []lease.Ref {
 		return r.table.GrantApart(w.id, limit, now)
 	}
 	r.table.Linger(2 * (r.sealAfter() - flow.MinSeal))
-	return r.table.Grant(w.id, r.share(w, limit), r.c.liveWorkers(w.version) <= 1, now)
+	return r.table.Grant(w.id, r.share(w, limit), r.eligible(), now)
 }
 
 // grantWithheld leases what ends in no batch, and what batches that are held wait for. Requires: mu.

@@ -94,14 +94,13 @@ func (r *run) blame(l *farmv1.LeaseRef, w worker, evidence string) {
 
 // endIfPoisoned requires: mu.
 func (r *run) endIfPoisoned() {
-	alone := r.c.liveWorkers(r.spec.GetWorkerVersion()) <= 1
-	p, poisoned := r.table.Poisoned(alone)
+	p, poisoned := r.table.Poisoned(r.eligible())
 	if !poisoned {
 		return
 	}
 	text := fmt.Sprintf("task %s cannot be rendered:", p.Task)
 	if len(p.Failed) > 0 {
-		text += fmt.Sprintf(" it failed on %s, and the last said: %s", r.c.describeAll(p.Failed), p.Evidence)
+		text += fmt.Sprintf(" it failed %d time(s), on %s, and the last said: %s", p.Failures, r.c.describeAll(p.Failed), p.Evidence)
 	}
 	if len(p.Lost) > 0 {
 		text += fmt.Sprintf(" it was lost with %s, not heard of since", r.c.describeAll(p.Lost))

@@ -3,14 +3,14 @@ package lease
 import "time"
 
 // Grant leases up to limit waiting tasks to a worker, in order. A task is not offered again to a worker
-// that failed it, unless alone says that there is no other. Tasks that were put apart come first, by
-// themselves.
-func (t *Table) Grant(worker string, limit int, alone bool, now time.Time) []Ref {
+// that failed it, unless it failed on all of the crew, the workers that could have it at the moment.
+// Tasks that were put apart come first, by themselves.
+func (t *Table) Grant(worker string, limit int, crew []string, now time.Time) []Ref {
 	if granted := t.GrantApart(worker, limit, now); len(granted) > 0 {
 		return granted
 	}
 	return t.grant(worker, limit, func(k *task) bool {
-		return !k.apart && len(k.holders) == 0 && (alone || k.failures[worker] == 0)
+		return !k.apart && len(k.holders) == 0 && (k.failures[worker] == 0 || k.failedOnAll(crew))
 	}, now)
 }
 

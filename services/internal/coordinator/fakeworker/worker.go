@@ -307,7 +307,8 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	for _, number := range rounds {
 		header, tiles, err := w.render(number, byRound[number])
 		if err != nil {
-			return w.fail(ctx, byRound[number][0], err)
+			first := byRound[number][0]
+			return w.fail(ctx, &farmv1.LeaseRef{TaskId: first.GetTaskId(), Epoch: first.GetEpoch()}, err)
 		}
 		if w.Rendered != nil {
 			w.Rendered(header, tiles)
@@ -320,9 +321,9 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	return nil
 }
 
-func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error {
+func (w *Worker) fail(ctx context.Context, lease *farmv1.LeaseRef, cause error) error {
 	_, err := w.Client.Report(ctx, &farmv1.ReportRequest{
-		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
+		WorkerId: w.id, Lease: lease,
 		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
 			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
 		}},
