@@ -63,8 +63,8 @@ type Options struct {
 	// CheckPatience is how long a batch is held for another worker to confirm it, or for a third to
 	// decide between two.
 	CheckPatience time.Duration
-	// Quarantine is how long a worker gets no leases after a batch whose film does not fit its own
-	// digests; twice as long after each further one.
+	// Quarantine is how long a worker gets no leases after a damaged batch: one that does not unpack, or
+	// whose film does not fit its own digests; twice as long after each further one.
 	Quarantine time.Duration
 }
 

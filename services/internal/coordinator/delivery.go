@@ -95,7 +95,7 @@ func (d *Delivery) open() {
 	}
 	assembler, err := merge.NewAssembler(d.c.codec, plan.Shape(r.spec), chains, d.header)
 	if err != nil {
-		d.reject(err.Error())
+		d.refuse(err)
 		return
 	}
 	d.assembler = assembler
@@ -110,7 +110,7 @@ func (d *Delivery) Add(tiles []*farmv1.Tile) {
 	if err := d.assembler.Add(tiles); err != nil {
 		d.run.mu.Lock()
 		defer d.run.mu.Unlock()
-		d.reject(err.Error())
+		d.refuse(err)
 	}
 }
 
@@ -151,11 +151,8 @@ func (d *Delivery) settle() {
 	case r.gone.Load():
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job has moved to another coordinator")
 		return
-	case errors.Is(err, merge.ErrDigest):
-		d.damaged(err.Error())
-		return
 	case err != nil:
-		d.reject(err.Error())
+		d.refuse(err)
 		return
 	}
 	r.batchSize.Add(d.bytes + proto.Size(d.header))
@@ -230,41 +227,59 @@ func (d *Delivery) accept(batch *merge.Batch) {
 	}
 }
 
-// supersede requires: run.mu.
-func (d *Delivery) supersede(message string) {
+// refuse says what is wrong with a batch, and whose fault that is. Requires: run.mu.
+func (d *Delivery) refuse(err error) {
+	switch {
+	case errors.Is(err, merge.ErrDigest):
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, err.Error())
+	case errors.Is(err, merge.ErrDamaged):
+		d.damaged(farmv1.Outcome_OUTCOME_REJECTED, err.Error())
+	default:
+		d.reject(err.Error())
+	}
+}
+
+// release gives the batch's leases back without blame. Requires: run.mu.
+func (d *Delivery) release() {
 	for _, s := range d.header.GetSegments() {
 		if d.run.table.Release(ref(s.GetLease()), d.worker.id) {
 			d.c.metrics.released.Inc()
 		}
 	}
+}
+
+// supersede requires: run.mu.
+func (d *Delivery) supersede(message string) {
+	d.release()
 	d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, message)
 }
 
-// conflict requires: run.mu.
-func (d *Delivery) conflict(message string, more ...slog.Attr) {
-	d.c.flag(d.worker.id)
-	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
-	d.run.publish("fault", fmt.Sprintf("worker %s delivered a conflicting batch of round %d: %s", d.worker.name, d.header.GetRound(), message), nil,
-		append(about, more...)...)
-	d.blame(message)
+// conflict tells of a batch that another worker contradicts, which is no fault of its tasks. Requires:
+// run.mu.
+func (d *Delivery) conflict(message string) {
+	d.flag("conflicting", message)
 	d.decide(farmv1.Outcome_OUTCOME_CONFLICT, message)
 }
 
-// reject requires: run.mu.
-func (d *Delivery) reject(message string) {
-	d.blame(message)
-	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
+// flag holds a batch against its worker and not against its tasks. Requires: run.mu.
+func (d *Delivery) flag(kind, message string, more ...slog.Attr) {
+	d.c.flag(d.worker.id, kind)
+	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
+	d.run.publish("fault", fmt.Sprintf("worker %s delivered a %s batch of round %d: %s", d.worker.name, kind, d.header.GetRound(), message), nil,
+		append(about, more...)...)
+	d.release()
+	d.run.save()
 }
 
-// blame gives the batch's leases back as failed, so another worker tries them first. Requires:
-// run.mu.
-func (d *Delivery) blame(message string) {
+// reject tells of a batch that speaks against its tasks. Requires: run.mu.
+func (d *Delivery) reject(message string) {
 	for _, s := range d.header.GetSegments() {
 		if d.run.rec.State.Ended() {
-			return
+			break
 		}
 		d.run.blame(s.GetLease(), d.worker, message)
 	}
+	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
 }
 
 func (d *Delivery) decide(outcome farmv1.Outcome, message string) {

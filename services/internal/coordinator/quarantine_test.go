@@ -1,6 +1,7 @@
 package coordinator_test
 
 import (
+	"fmt"
 	"testing"
 	"time"
 
@@ -59,5 +60,46 @@ func TestQuarantineEnds(t *testing.T) {
 	}
 	if a := s.workers()["a"]; a.Conflicts != 2 {
 		t.Errorf("%d conflicts", a.Conflicts)
+	}
+}
+
+// Damage on the way is no fault of the tasks: however often it happens, their job does not fail.
+func TestDamageNeverSpeaksAgainstTasks(t *testing.T) {
+	request := chainsRequest(20)
+	want := reference(t, request)
+	for fault, label := range map[fakeworker.Fault]string{fakeworker.BitFlip: "bit flip", fakeworker.Truncated: "truncated"} {
+		for n := 1; n <= 3; n += 2 {
+			t.Run(fmt.Sprintf("%s, %d workers", label, n), func(t *testing.T) {
+				t.Parallel()
+				s := newSite(t)
+				s.start()
+				defer s.stop()
+				const each = 5
+				defer s.crew(workers(n, func(w *fakeworker.Worker) {
+					damaged := 0
+					w.MaxSegments = 1000
+					w.Fault = func() fakeworker.Fault {
+						if damaged++; damaged > each {
+							return fakeworker.None
+						}
+						return fault
+					}
+				})...)()
+				s.awaitWorkers(n)
+				id := s.submit(request)
+				sameFilm(t, s.finished(id), want)
+				if got := s.countEvents(id, "delivered a damaged batch"); got < each {
+					t.Errorf("%d damaged batches in the job's events", got)
+				}
+				if got := s.countEvents(id, "failed on worker"); got > 0 {
+					t.Errorf("%d tasks were blamed", got)
+				}
+				for name, w := range s.workers() {
+					if n == 1 && w.Conflicts != each {
+						t.Errorf("worker %s: %d conflicts", name, w.Conflicts)
+					}
+				}
+			})
+		}
 	}
 }

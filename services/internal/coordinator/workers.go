@@ -99,14 +99,14 @@ func (c *Coordinator) credit(id string, mutations uint64) {
 	}
 }
 
-// flag notes that a worker delivered what cannot be right.
-func (c *Coordinator) flag(id string) {
+// flag notes that a worker delivered what cannot be right; kind says what about it.
+func (c *Coordinator) flag(id, kind string) {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
 		w.conflicts++
 		c.metrics.conflicts.Inc()
-		c.log.Warn("worker delivered a conflicting batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
+		c.log.Warn("worker delivered a "+kind+" batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
 	}
 }
 
