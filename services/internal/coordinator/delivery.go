@@ -177,6 +177,11 @@ func (d *Delivery) judge(batch *merge.Batch) {
 		d.reject(err.Error())
 		return
 	}
+	var err error
+	if batch.CPUSeconds, err = r.cpuTime(d.worker, batch.CPUSeconds, d.leases()...); err != nil {
+		d.reject(err.Error())
+		return
+	}
 	if r.distrusts(d.worker.id) {
 		d.supersede("nothing is taken from this worker, see the job's events")
 		return
@@ -239,10 +244,19 @@ func (d *Delivery) refuse(err error) {
 	}
 }
 
+// leases under which the batch was rendered.
+func (d *Delivery) leases() []*farmv1.LeaseRef {
+	leases := make([]*farmv1.LeaseRef, 0, len(d.header.GetSegments()))
+	for _, s := range d.header.GetSegments() {
+		leases = append(leases, s.GetLease())
+	}
+	return leases
+}
+
 // release gives the batch's leases back without blame. Requires: run.mu.
 func (d *Delivery) release() {
-	for _, s := range d.header.GetSegments() {
-		if d.run.table.Release(ref(s.GetLease()), d.worker.id) {
+	for _, l := range d.leases() {
+		if d.run.table.Release(ref(l), d.worker.id) {
 			d.c.metrics.released.Inc()
 		}
 	}
@@ -273,11 +287,11 @@ func (d *Delivery) flag(kind, message string, more ...slog.Attr) {
 
 // reject tells of a batch that speaks against its tasks. Requires: run.mu.
 func (d *Delivery) reject(message string) {
-	for _, s := range d.header.GetSegments() {
+	for _, l := range d.leases() {
 		if d.run.rec.State.Ended() {
 			break
 		}
-		d.run.blame(s.GetLease(), d.worker, message)
+		d.run.blame(l, d.worker, message)
 	}
 	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
 }

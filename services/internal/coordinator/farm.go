@@ -38,6 +38,9 @@ func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*
 	if in.GetVersion() == "" || len(in.GetVersion()) > maxNameBytes {
 		return nil, &job.FieldError{Field: "version", Detail: "is missing or too long"}
 	}
+	if in.GetThreads() > maxThreads {
+		return nil, &job.FieldError{Field: "threads", Detail: fmt.Sprintf("is more than %d", maxThreads)}
+	}
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	w := c.byInstance(in.GetInstance())

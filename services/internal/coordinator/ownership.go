@@ -65,9 +65,6 @@ func (c *Coordinator) beat(ctx context.Context) error {
 	if err != nil {
 		return err
 	}
-	if err := c.hearOfUsage(ctx); err != nil {
-		return err
-	}
 	for _, id := range lost {
 		if r := c.running(id); r != nil && r.epoch == held[id] {
 			c.lose(r)
@@ -81,6 +78,7 @@ func (c *Coordinator) beat(ctx context.Context) error {
 		c.wake()
 		c.announce()
 	}
+	c.hearOfUsage(ctx)
 	return nil
 }
 
@@ -93,11 +91,14 @@ func (c *Coordinator) presence() store.Member {
 	return m
 }
 
-// hearOfUsage takes in what others say that users used.
-func (c *Coordinator) hearOfUsage(ctx context.Context) error {
+// hearOfUsage takes in what others say that users used. Without it the queue goes by what they said last,
+// which is no reason to stop anything.
+func (c *Coordinator) hearOfUsage(ctx context.Context) {
 	members, err := c.options.Store.Members(ctx)
 	if err != nil {
-		return err
+		c.metrics.storeErrors.Inc()
+		c.log.Warn("what users used at other coordinators is not known; their shares go by what was said last", "error", err)
+		return
 	}
 	var said []map[string]float64
 	for _, m := range members {
@@ -108,7 +109,6 @@ func (c *Coordinator) hearOfUsage(ctx context.Context) error {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	c.usage.Elsewhere(c.options.Now(), said...)
-	return nil
 }
 
 // held lists the owned jobs with their epochs.

@@ -61,11 +61,11 @@ func (r *run) takeReport(w worker, in *farmv1.ReportRequest) error {
 		}
 	case *farmv1.ReportRequest_Bootstrap:
 		if key.phase == job.Bootstrapping && r.stage != stageTrials {
-			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
+			return r.sampled(w, in.GetLease(), key.first, result.Bootstrap)
 		}
 	case *farmv1.ReportRequest_KernelTrials:
 		if key.phase == job.Bootstrapping && r.stage == stageTrials {
-			return r.tried(in.GetLease().GetTaskId(), result.KernelTrials)
+			return r.tried(w, in.GetLease(), result.KernelTrials)
 		}
 	}
 	return &malformedError{"the result does not fit the task"}

@@ -122,6 +122,14 @@ func (t *Table) Renew(ref Ref, worker string, fraction float64, now time.Time) b
 // Held tells whether the worker holds this very lease.
 func (t *Table) Held(ref Ref, worker string) bool { return t.holding(ref, worker) != nil }
 
+// Granted tells when the worker was granted this lease; false: it does not hold it.
+func (t *Table) Granted(ref Ref, worker string) (at time.Time, held bool) {
+	if h := t.holding(ref, worker); h != nil {
+		return h.granted, true
+	}
+	return time.Time{}, false
+}
+
 func (t *Table) holding(ref Ref, worker string) *holding {
 	k := t.tasks[ref.Task]
 	if k == nil {

@@ -54,7 +54,7 @@ type Batch struct {
 	Round      int
 	Segments   []Segment
 	Tiles      []film.Tile
-	CPUSeconds float64
+	CPUSeconds float64 // as the worker reports it: may be anything
 	Anomalies  []*farmv1.Anomaly
 
 	packed []*farmv1.Tile // the same tiles as they came
@@ -116,7 +116,7 @@ func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *fa
 	}
 	batch := &Batch{
 		Job: h.GetJobId(), Round: int(h.GetRound()),
-		CPUSeconds: finiteOrZero(h.GetCpuSeconds()), Anomalies: h.GetAnomalies(),
+		CPUSeconds: h.GetCpuSeconds(), Anomalies: h.GetAnomalies(),
 	}
 	for _, s := range h.GetSegments() {
 		segment, err := checkSegment(s, chainsPerGroup)
@@ -220,11 +220,3 @@ func evidence(s *Segment) [16]byte {
 }
 
 func finite(v float64) bool { return !math.IsNaN(v) && !math.IsInf(v, 0) }
-
-// finiteOrZero keeps nonsense out of statistics; the result does not depend on them.
-func finiteOrZero(v float64) float64 {
-	if !finite(v) || v < 0 {
-		return 0
-	}
-	return v
-}

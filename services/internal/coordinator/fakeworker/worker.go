@@ -58,6 +58,8 @@ type Worker struct {
 	// Leaves tells to give back what is held when Run ends, as workers do that are told to end; else
 	// they vanish, which speaks against the tasks they held.
 	Leaves bool
+	// CPUSeconds that it reports for each batch; 0 means 0.01.
+	CPUSeconds float64
 	// StateBytes of each chain group; at least 8.
 	StateBytes int
 	// Film makes the tiles of a batch that has this digest, in place of those that were splatted.
@@ -337,7 +339,7 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 	if w.Film != nil {
 		c.tiles = nil
 	}
-	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
+	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: cmp.Or(w.CPUSeconds, 0.01)}
 	for _, t := range tasks {
 		var result *farmv1.SegmentResult
 		if chains := t.GetChains(); chains != nil {
