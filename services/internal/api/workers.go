@@ -28,7 +28,7 @@ type workerOutput struct {
 type Autoscale struct {
 	DesiredWorkers int `json:"desired_workers" doc:"How many workers the jobs could use: for each that has not ended and is not paused one, and one for every 16 segments of a whole round."`
 	ActiveJobs     int `json:"active_jobs" doc:"Jobs that have not ended and are not paused."`
-	Workers        int `json:"workers" doc:"Workers that are connected and not draining."`
+	Workers        int `json:"workers" doc:"Workers that are connected and neither draining nor in quarantine."`
 }
 
 type autoscaleOutput struct {

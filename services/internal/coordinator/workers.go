@@ -158,13 +158,19 @@ func (c *Coordinator) excluded() map[string]bool {
 	return excluded
 }
 
-// renderers lists the live workers of a version that take work; of any version if that is empty.
+// renders tells whether a worker may be counted on: it is heard of, and neither draining, excluded (which
+// drains it) nor in quarantine. Requires: mu.
+func (c *Coordinator) renders(w *worker) bool {
+	return !c.lost(w) && !w.draining && !w.inQuarantine(c.options.Now())
+}
+
+// renderers lists the workers of a version that may be counted on; of any version if that is empty.
 func (c *Coordinator) renderers(version string) []string {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	var ids []string
 	for id, w := range c.workers {
-		if (version == "" || w.version == version) && !w.draining && !c.lost(w) {
+		if (version == "" || w.version == version) && c.renders(w) {
 			ids = append(ids, id)
 		}
 	}
@@ -176,13 +182,13 @@ func (r *run) eligible() []string {
 	return slices.DeleteFunc(r.c.renderers(r.spec.GetWorkerVersion()), func(id string) bool { return r.checks.suspects[id] })
 }
 
-// threadsOf counts the render threads of the live workers of a version that take work.
+// threadsOf counts the render threads of the workers of a version that may be counted on.
 func (c *Coordinator) threadsOf(version string) int {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	n := 0
 	for _, w := range c.workers {
-		if w.version == version && !w.draining && !c.lost(w) {
+		if w.version == version && c.renders(w) {
 			n += max(w.threads, 1)
 		}
 	}
