@@ -3,9 +3,9 @@
 //
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
 // and film. run.mu is taken before Coordinator.mu, never after it. Whole-film work (folding a
-// round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the one
-// housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
-// over jobs without owner (ownership.go).
+// round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the
+// goroutines that Run owns: housekeeping, one that renews the leases on the jobs, one that takes over
+// jobs without owner (ownership.go), and one for each checkpoint that is read or written (keep.go).
 package coordinator
 
 import (
@@ -140,6 +140,9 @@ type Coordinator struct {
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
 
+	reads, writes      chan struct{}  // checkpoints being read, and written
+	reading, transfers sync.WaitGroup // likewise
+
 	submitMu sync.Mutex // taken before all others
 	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
 
@@ -176,6 +179,8 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		kick:    make(chan struct{}, 1),
 		stopped: make(chan struct{}),
 		broken:  make(chan error, 1),
+		reads:   make(chan struct{}, maxReads),
+		writes:  make(chan struct{}, maxWrites),
 		jobs:    make(map[string]*run),
 		ended:   make(map[job.State]int),
 		workers: make(map[string]*worker),
@@ -205,6 +210,10 @@ func (c *Coordinator) Run(ctx context.Context) error {
 	if err == nil {
 		c.shutDown()
 	}
+	for _, r := range c.runs() { // the store failed
+		r.cancelTransfer()
+	}
+	c.transfers.Wait()
 	stopBeating()
 	beats.Wait()
 	if err == nil {
@@ -229,13 +238,17 @@ func (c *Coordinator) keepHouse(ctx context.Context) error {
 	}
 }
 
+// shutDown hands each job over as soon as its last checkpoint is written, whatever becomes of the others.
 func (c *Coordinator) shutDown() {
+	var leaving sync.WaitGroup
 	for _, r := range c.runs() {
-		if !c.suspended() && r.catchUp() && r.checkpointDue(true) {
-			r.checkpoint()
-		}
-		r.closeStreams()
+		leaving.Go(func() {
+			r.keepLast()
+			r.closeStreams()
+			c.handOver(r)
+		})
 	}
+	leaving.Wait()
 }
 
 // fatal ends Run: without its store a coordinator must not promise anything.

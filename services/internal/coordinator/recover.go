@@ -61,6 +61,19 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	return nil
 }
 
+// readInTurn is readCheckpoint for few at a time. A job without checkpoint waits for none.
+func (c *Coordinator) readInTurn(ctx context.Context, rec store.Record) (checkpoint.Checkpoint, error) {
+	if rec.Checkpoint != "" {
+		select {
+		case c.reads <- struct{}{}:
+		case <-ctx.Done():
+			return checkpoint.Checkpoint{}, ctx.Err()
+		}
+		defer func() { <-c.reads }()
+	}
+	return c.readCheckpoint(ctx, rec)
+}
+
 // readCheckpoint returns the zero Checkpoint if the job has none.
 func (c *Coordinator) readCheckpoint(ctx context.Context, rec store.Record) (checkpoint.Checkpoint, error) {
 	if rec.Checkpoint == "" {

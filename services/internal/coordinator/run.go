@@ -68,6 +68,8 @@ type run struct {
 	retryAt        time.Time // after a checkpoint failed
 	checkpointCost time.Duration
 
+	transfer atomic.Pointer[transfer] // under way
+
 	events eventLog
 	crew   map[string]bool // workers that the log said have joined
 	noted  notedCheckpoints
