@@ -170,7 +170,7 @@ func (d *Delivery) settle() {
 func (d *Delivery) judge(batch *merge.Batch) {
 	r := d.run
 	if !r.current(batch) {
-		d.supersede("a part of it was asked for before the job was refined")
+		d.supersede("a part of it was asked for before the job was refined or its round begun again")
 		return
 	}
 	if _, err := r.state.Judge(batch); err != nil {
@@ -190,9 +190,11 @@ func (d *Delivery) judge(batch *merge.Batch) {
 		d.conflict(complaint)
 		return
 	}
-	// Only now: what was heard may have merged held batches.
+	// Only now: what was heard may have merged held batches, or thrown open rounds away.
 	verdict, err := r.state.Judge(batch)
 	switch {
+	case !r.current(batch):
+		d.supersede("its round is rendered again")
 	case err != nil:
 		d.reject(err.Error())
 	case verdict == round.Duplicate:
@@ -208,8 +210,8 @@ func (d *Delivery) judge(batch *merge.Batch) {
 	}
 }
 
-// current tells whether all of a batch was asked for since the job was refined last: rounds may be
-// others now. Requires: mu.
+// current tells whether all of a batch was asked for since the job was refined last, and since open rounds
+// were thrown away last: rounds may be others now, and chains elsewhere. Requires: mu.
 func (r *run) current(batch *merge.Batch) bool {
 	return !slices.ContainsFunc(batch.Segments, func(s merge.Segment) bool {
 		return !strings.HasPrefix(s.Task, r.taskPrefix())

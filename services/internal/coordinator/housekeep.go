@@ -61,7 +61,7 @@ func (r *run) publishProgress() {
 // the last. The film-sized work happens on a snapshot: deliveries to the next round go on.
 func (r *run) closeRound() {
 	for {
-		snapshot := r.completeSnapshot()
+		snapshot, unwound := r.completeSnapshot()
 		if snapshot == nil {
 			return
 		}
@@ -74,7 +74,7 @@ func (r *run) closeRound() {
 			r.failWith(err)
 			return
 		}
-		r.adopt(snapshot, point)
+		r.adopt(snapshot, unwound, point)
 		r.c.announce()
 	}
 }
@@ -87,19 +87,22 @@ func (r *run) failWith(err error) {
 	}
 }
 
-func (r *run) completeSnapshot() *render.State {
+// completeSnapshot returns the state if its first open round is complete and undisputed, and how often open
+// rounds were thrown away by then.
+func (r *run) completeSnapshot() (snapshot *render.State, unwound uint64) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() || !r.mayAct() {
-		return nil
+	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() || r.contested() || !r.mayAct() {
+		return nil, 0
 	}
-	return r.state.Snapshot()
+	return r.state.Snapshot(), r.rec.Unwound
 }
 
-func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
+func (r *run) adopt(folded *render.State, unwound uint64, point job.ConvergencePoint) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering || !r.mayAct() { // canceled, or lost, meanwhile
+	// Meanwhile it may have been canceled or lost, or a worker may have contradicted what was counted.
+	if r.rec.State != job.Rendering || !r.mayAct() || r.contested() || r.rec.Unwound != unwound {
 		return
 	}
 	point.WallSeconds = r.wallSeconds()
@@ -110,6 +113,8 @@ func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	r.state.Adopt(folded)
 	r.dirty = true
 	maps.DeleteFunc(r.checks.proven, func(key segmentKey, _ round.Mark) bool { return key.round < r.state.Closed })
+	maps.DeleteFunc(r.checks.again, func(key segmentKey, _ bool) bool { return key.round < r.state.Closed })
+	maps.DeleteFunc(r.checks.by, func(key segmentKey, _ countedBy) bool { return key.round < r.state.Closed-1 })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
 	r.warnOfTrapped(&r.state.Account.Counts)
 	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)

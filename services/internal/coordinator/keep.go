@@ -125,6 +125,8 @@ type draft struct {
 	checkpoint.Checkpoint
 	name      string
 	finishing *round.Decision // why the job ends with it; nil if it goes on
+	contested bool            // it holds a segment that workers disagree about
+	unwound   uint64          // how often open rounds were thrown away before
 }
 
 // checkpoint writes the job's progress to a new blob, then swings the pointer to it. A job that has
@@ -175,7 +177,7 @@ func (r *run) draft() draft {
 	extra.WallSeconds = r.wallSeconds()
 	return draft{
 		Checkpoint: checkpoint.Checkpoint{State: r.state.Snapshot(), Extra: extra},
-		name:       r.checkpointName(), finishing: r.finishing,
+		name:       r.checkpointName(), finishing: r.finishing, contested: r.contested(), unwound: r.rec.Unwound,
 	}
 }
 
@@ -191,6 +193,9 @@ func (r *run) swing(d draft, cost time.Duration, bytes int) {
 		r.garbage = append(r.garbage, r.rec.Checkpoint)
 	}
 	r.rec.Checkpoint = d.name
+	if !d.contested && d.unwound == r.rec.Unwound && !r.contested() {
+		r.rec.Contested = nil
+	}
 	r.checkpointCost = cost
 	r.lastCheckpoint = r.c.options.Now()
 	r.noteCheckpoint(d, bytes, cost)

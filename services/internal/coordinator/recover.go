@@ -58,6 +58,9 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	if r.rec.Refinements > 0 && !r.extend() {
 		return fmt.Errorf("%w: it has more rounds than the job asks for", checkpoint.ErrCorrupt)
 	}
+	if number := r.rec.Contested; number != nil {
+		r.discardFrom(*number)
+	}
 	return nil
 }
 

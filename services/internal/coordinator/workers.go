@@ -202,6 +202,9 @@ func (c *Coordinator) describe(id string) string {
 	if w := c.workers[id]; w != nil {
 		return fmt.Sprintf("%s (%s)", w.name, id)
 	}
+	if id == unknown {
+		return "that delivered to this job's coordinator before"
+	}
 	return id
 }
 
