@@ -162,19 +162,29 @@ func TestALateCopyThatNobodyDecidesAboutPausesTheJob(t *testing.T) {
 	}
 }
 
-// A coordinator that dies before it is decided leaves nothing of it to the next one.
+// A coordinator that leaves before it is decided, with a checkpoint that has the wrong segment, leaves
+// nothing of it in the film of the next one.
 func TestADisputedSegmentDoesNotOutliveItsCoordinator(t *testing.T) {
 	request := chainsRequest(30)
 	want := reference(t, request)
-	l := newLateCopy(t, request, true, 0, func(l *lateCopy) { l.first.Lie = 12345 })
-	time.Sleep(100 * time.Millisecond) // what was counted gets into a checkpoint
+	l := newLateCopy(t, request, true, 0, func(l *lateCopy) {
+		l.first.Lie = 12345
+		l.first.Rendered = func(h *farmv1.BatchHeader, _ []*farmv1.Tile) {
+			if h.GetRound() > 0 { // it has rendered its part of round 0, and is honest from now on
+				l.first.Lie = 0
+			}
+		}
+	})
 	l.deliver()
 	l.awaitFlags()
-	l.kill()
-	l.first.Lie = 0
+	l.stop()
 	l.start()
 	l.letThird()
-	sameFilm(t, l.finished(l.id), want)
+	done := l.finished(l.id)
+	if n := l.countEvents(l.id, "goes on with the job"); n != 1 {
+		t.Errorf("the job went on %d times", n)
+	}
+	sameFilm(t, done, want)
 }
 
 // The round is closed: nobody can decide any more, but nobody keeps quiet about it.

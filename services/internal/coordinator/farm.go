@@ -3,6 +3,7 @@ package coordinator
 import (
 	"context"
 	"fmt"
+	"log/slog"
 	"math"
 	"regexp"
 	"strings"
@@ -187,6 +188,10 @@ func (r *run) lease(w worker, limit int, grant granter) []*farmv1.Task {
 		r.pin(w.version)
 	}
 	r.joined(w)
+	if again := r.table.LeasedAgain(); again.Tasks > 0 {
+		r.note("tasks leased again", append(identity(w), slog.Int("tasks", again.Tasks),
+			slog.Float64("seconds_since_last_heard", again.Longest.Seconds()))...)
+	}
 	tasks := r.buildTasks(refs, w)
 	r.c.metrics.granted.Add(float64(len(tasks)))
 	return tasks

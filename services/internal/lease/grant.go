@@ -50,6 +50,11 @@ func (t *Table) grant(worker string, limit int, wanted func(*task) bool, now tim
 
 func (t *Table) lease(k *task, worker string, now time.Time) Ref {
 	h := holding{epoch: t.nextEpoch(), worker: worker, granted: now, deadline: now.Add(t.ttl)}
+	if !k.silent.IsZero() {
+		t.again.Tasks++
+		t.again.Longest = max(t.again.Longest, now.Sub(k.silent))
+		k.silent = time.Time{}
+	}
 	t.setHolders(k, append(k.holders, h))
 	t.expectDeadline(h.deadline)
 	t.load.granted(now, t.ttl)

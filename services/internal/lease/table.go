@@ -44,6 +44,7 @@ type task struct {
 	barred   map[string]bool // workers that must not have it
 	evidence string          // latest failure message
 	apart    bool            // see PutApart
+	silent   time.Time       // when its holder was last heard of, if its lease ran out; zero once leased again
 }
 
 // Table holds the open tasks of one job.
@@ -58,6 +59,20 @@ type Table struct {
 	deadline  time.Time     // no lease runs out before; zero without leases
 	load      load
 	linger    time.Duration // see Linger
+	again     Again
+}
+
+// Again tells of tasks that were leased again after their lease had run out.
+type Again struct {
+	Tasks   int
+	Longest time.Duration // from when the holder was last heard of until the task was leased again
+}
+
+// LeasedAgain returns what was leased again since it was called last.
+func (t *Table) LeasedAgain() Again {
+	again := t.again
+	t.again = Again{}
+	return again
 }
 
 // NewTable returns an empty table. nextEpoch must grow with every call, over all tables and
@@ -247,8 +262,12 @@ func (t *Table) Expire(now time.Time) []Expired {
 				return false
 			}
 			expired = append(expired, Expired{Ref{k.id, h.epoch}, h.worker})
+			k.silent = h.deadline.Add(-t.ttl)
 			return true
 		})
+		if len(k.holders) > 0 {
+			k.silent = time.Time{}
+		}
 	}
 	return expired
 }

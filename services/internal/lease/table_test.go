@@ -58,7 +58,16 @@ func TestExpiryAndFencing(t *testing.T) {
 	if k.Held(old, "a") || k.Renew(old, "a", 1, at(18)) || k.Fail(old, "a", "") {
 		t.Error("an expired lease is alive")
 	}
-	next := k.Grant("a", 1, several, at(18))
+	if again := k.LeasedAgain(); again.Tasks != 0 {
+		t.Errorf("leased again before it was: %+v", again)
+	}
+	next := k.Grant("a", 1, several, at(21))
+	if again := k.LeasedAgain(); again != (Again{1, 13 * time.Second}) { // from the renewal at 8
+		t.Errorf("leased again: %+v", again)
+	}
+	if again := k.LeasedAgain(); again.Tasks != 0 {
+		t.Errorf("told twice: %+v", again)
+	}
 	if len(next) != 1 || next[0].Epoch <= old.Epoch {
 		t.Errorf("granted %v after %v", next, old)
 	}
