@@ -22,7 +22,7 @@ type Message interface {
 // own is the name of the field that has the checksum.
 const own protoreflect.Name = "checksum"
 
-// Check returns an error that says how content and checksum differ.
+// Check says how content and checksum differ, nil if they do not.
 func Check(m Message) error {
 	if has, should := m.GetChecksum(), Of(m); has != should {
 		return fmt.Errorf("checksum %016x, and its content has %016x", has, should)
