@@ -52,8 +52,8 @@ uint64_t bits_of_integer(const Value& v) {
       return (v.single() ? r.GetBool(v.of, f) : r.GetRepeatedBool(v.of, f, v.index)) ? 1 : 0;
     default:
       METROFARM_CHECK(f->cpp_type() == FieldDescriptor::CPPTYPE_ENUM);
-      return static_cast<uint64_t>(int64_t{
-          v.single() ? r.GetEnumValue(v.of, f) : r.GetRepeatedEnumValue(v.of, f, v.index)});
+      return static_cast<uint64_t>(
+          int64_t{v.single() ? r.GetEnumValue(v.of, f) : r.GetRepeatedEnumValue(v.of, f, v.index)});
   }
 }
 
@@ -144,9 +144,8 @@ class Sum {
         return message(v.single() ? r.GetMessage(v.of, v.field)
                                   : r.GetRepeatedMessage(v.of, v.field, v.index));
       case FieldDescriptor::CPPTYPE_STRING:
-        return octets(v.single()
-                          ? r.GetStringReference(v.of, v.field, &scratch)
-                          : r.GetRepeatedStringReference(v.of, v.field, v.index, &scratch));
+        return octets(v.single() ? r.GetStringReference(v.of, v.field, &scratch)
+                                 : r.GetRepeatedStringReference(v.of, v.field, v.index, &scratch));
       default:
         word(bits_of(v));
     }

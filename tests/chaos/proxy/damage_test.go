@@ -6,6 +6,7 @@ import (
 
 	"google.golang.org/protobuf/proto"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
@@ -24,6 +25,11 @@ func sample() parcel {
 	}
 	batch.Digest = digestOf(tile)
 	batch.Segments[1].Digest = batch.GetDigest() - 5
+	for _, s := range batch.GetSegments() {
+		s.Counts, s.State = &farmv1.SegmentCounts{Rays: 7}, []byte("state")
+		s.LargeStepSums = []*farmv1.LargeStepSums{{Count: 1, Sum: 0.5}, {}}
+		s.Checksum = checksum.Of(s)
+	}
 	return parcel{
 		header: &farmv1.DeliverHeader{Batch: batch},
 		tiles:  []*farmv1.DeliverTiles{{Tiles: []*farmv1.Tile{tile}}},
@@ -64,6 +70,23 @@ func TestDamageChangesTheParcelAndLeavesTheOriginal(t *testing.T) {
 	}
 }
 
+func TestADamagedReportIsAnotherOfTheSameWorker(t *testing.T) {
+	sample := &farmv1.ReportRequest{
+		WorkerId: "w", Lease: &farmv1.LeaseRef{TaskId: "job/b0", Epoch: 1},
+		Result: &farmv1.ReportRequest_Bootstrap{Bootstrap: &farmv1.BootstrapResult{Values: []float32{0, 1, 2}}},
+	}
+	in := proto.CloneOf(sample)
+	for seed := range uint64(200) {
+		out, detail, err := damagedReport(in, rand.New(rand.NewPCG(seed, 0)))
+		if err != nil || detail == "" {
+			t.Fatalf("detail %q, error %v", detail, err)
+		}
+		if proto.Equal(in, out) || !proto.Equal(in, sample) || out.GetWorkerId() != "w" {
+			t.Errorf("%s: %v became %v", detail, sample, out)
+		}
+	}
+}
+
 func TestForgeryFitsItsDigests(t *testing.T) {
 	x := sample()
 	y, err := forged(x, 4)
@@ -76,6 +99,11 @@ func TestForgeryFitsItsDigests(t *testing.T) {
 	}
 	if batch.GetSegments()[0].GetDigest() != 5 || batch.GetSegments()[1].GetDigest() != batch.GetDigest()-5 {
 		t.Errorf("segments %v do not add up to %x", batch.GetSegments(), batch.GetDigest())
+	}
+	for _, s := range batch.GetSegments() {
+		if err := checksum.Check(s); err != nil {
+			t.Errorf("segment %d: %v", s.GetSegment(), err)
+		}
 	}
 }
 

@@ -12,7 +12,7 @@ import (
 // fault is one way to disturb a delivery or a report.
 type fault string
 
-// The faults. Those of reports are repeat, repeatLater and stale.
+// The faults. Those of reports are repeat, repeatLater, stale and flipReport.
 const (
 	none        fault = "none"
 	repeat      fault = "repeat"       // twice, at once
@@ -25,10 +25,15 @@ const (
 	flipPacked  fault = "flip packed"  // a bit of a packed tile
 	flipDigest  fault = "flip digest"  // a bit of a segment's digest
 	flipValue   fault = "flip value"   // a bit of a value of the film
+	flipSegment fault = "flip segment" // a bit of a segment's number
+	flipState   fault = "flip state"   // a bit of the state of a segment's chains
+	flipSums    fault = "flip sums"    // a bit of a segment's counts or large-step sums
+	flipReport  fault = "flip report"  // a bit of a report on the wire
 )
 
 var allFaults = []fault{
-	repeat, repeatLater, delay, reorder, stale, breakOff, truncate, flipPacked, flipDigest, flipValue,
+	repeat, repeatLater, delay, reorder, stale, breakOff,
+	truncate, flipPacked, flipDigest, flipValue, flipSegment, flipState, flipSums, flipReport,
 }
 
 func faultNames() []string {
@@ -39,13 +44,16 @@ func faultNames() []string {
 	return names
 }
 
+// damages tells whether the fault changes what a delivery says.
 func (f fault) damages() bool {
-	return slices.Contains([]fault{truncate, flipPacked, flipDigest, flipValue}, f)
+	return slices.Contains([]fault{truncate, flipPacked, flipDigest, flipValue, flipSegment, flipState, flipSums}, f)
 }
 
 func (f fault) fitsReports() bool {
-	return slices.Contains([]fault{none, repeat, repeatLater, stale}, f)
+	return slices.Contains([]fault{none, repeat, repeatLater, stale, flipReport}, f)
 }
+
+func (f fault) fitsDeliveries() bool { return f != flipReport }
 
 // schedule says what happens to the n-th message: a function of seed and n.
 type schedule struct {
