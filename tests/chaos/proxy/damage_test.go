@@ -2,6 +2,7 @@ package main
 
 import (
 	"math/rand/v2"
+	"strings"
 	"testing"
 
 	"google.golang.org/protobuf/proto"
@@ -107,6 +108,8 @@ func TestForgeryFitsItsDigests(t *testing.T) {
 	}
 }
 
+func anything(fault) bool { return true }
+
 func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 	draw := func(seed uint64) (faults []fault) {
 		s, err := newSchedule(seed, 0.5, "repeat,flip-value")
@@ -114,7 +117,7 @@ func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 			t.Fatal(err)
 		}
 		for range 64 {
-			_, f, _ := s.next()
+			_, f, _ := s.delivery(anything)
 			faults = append(faults, f)
 		}
 		return faults
@@ -134,5 +137,33 @@ func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 	}
 	if _, err := newSchedule(1, 0.5, "repeat,nonsense"); err == nil {
 		t.Error("a fault that does not exist is taken")
+	}
+}
+
+// Every fault comes once before any comes again, and one that nobody could have waits for who can.
+func TestFaultsTakeTurns(t *testing.T) {
+	s, err := newSchedule(3, 1, strings.Join(faultNames(), ","))
+	if err != nil {
+		t.Fatal(err)
+	}
+	seen := map[fault]int{}
+	for range len(allFaults) - 2 { // without flipReport, and flipState is refused
+		_, f, _ := s.delivery(func(f fault) bool { return f != flipState })
+		seen[f]++
+	}
+	if _, f, _ := s.delivery(anything); f != flipState {
+		t.Errorf("%q comes before what was refused", f)
+	}
+	for _, f := range allFaults {
+		want := 1
+		if f == flipState || f == flipReport {
+			want = 0
+		}
+		if seen[f] != want {
+			t.Errorf("%q came %d times", f, seen[f])
+		}
+	}
+	if _, f, _ := s.delivery(func(fault) bool { return false }); f != none {
+		t.Errorf("%q came although nothing is taken", f)
 	}
 }

@@ -35,7 +35,7 @@ type disturber struct {
 	damaged map[string]map[place]bool // by job: no segment twice
 	spoilt  map[string]bool           // tasks whose report was damaged: none twice
 	forgery *place                    // still to be done
-	aging   bool                      // a delivery becomes stale: one at a time, as a round waits for it
+	aging   bool                      // a message becomes stale: one at a time, as its job waits for it
 }
 
 func newDisturber(life context.Context, s *schedule, forgery *place, j *journal) *disturber {
@@ -55,7 +55,8 @@ type delivery struct {
 }
 
 func (d *disturber) deliver(ctx context.Context, to *passage, x parcel) (*farmv1.DeliverResponse, error) {
-	number, f, random := d.schedule.next()
+	segment, forge := d.mayForge(x)
+	number, f, random := d.schedule.delivery(func(f fault) bool { return !forge && d.takes(x, f) })
 	batch := x.header.GetBatch()
 	e := entry{
 		Number: number, Call: "deliver", Fault: string(f), Upstream: to.name,
@@ -65,20 +66,27 @@ func (d *disturber) deliver(ctx context.Context, to *passage, x parcel) (*farmv1
 		e.Segments = append(e.Segments, s.GetSegment())
 	}
 	v := &delivery{d: d, to: to, parcel: x, entry: e, random: random}
-	if segment, forge := d.mayForge(x); forge {
+	if forge {
 		v.entry.Fault = "forge"
 		return v.forge(ctx, segment)
-	}
-	if !f.fitsDeliveries() || f == flipState && !x.hasStates() || f.damages() && !d.mayDamage(x) {
-		v.entry.Fault, f = string(none), none
-	}
-	if f == stale && !d.mayAge() {
-		v.entry.Fault, f = string(none), none
 	}
 	return v.pass(ctx, f)
 }
 
-// mayAge tells whether no other delivery becomes stale now; the caller calls aged when this one did.
+// takes tells whether a delivery can have a fault. If so, it has.
+func (d *disturber) takes(x parcel, f fault) bool {
+	switch {
+	case f == stale:
+		return d.mayAge()
+	case f == flipState && !x.hasStates():
+		return false
+	case f.damages():
+		return d.mayDamage(x)
+	}
+	return true
+}
+
+// mayAge tells whether no other message becomes stale now; the caller calls aged when this one did.
 func (d *disturber) mayAge() bool {
 	d.mu.Lock()
 	defer d.mu.Unlock()

@@ -12,11 +12,8 @@ import (
 )
 
 func (d *disturber) report(ctx context.Context, to *passage, in *farmv1.ReportRequest) (*farmv1.ReportResponse, error) {
-	number, f, random := d.schedule.next()
 	task := in.GetLease().GetTaskId()
-	if !f.fitsReports() || in.GetFailure() != nil || f == flipReport && !d.maySpoil(task) {
-		f = none
-	}
+	number, f, random := d.schedule.report(func(f fault) bool { return d.reportTakes(in, f) })
 	v := &report{d: d, to: to, in: in, entry: entry{
 		Number: number, Call: "report", Fault: string(f), Upstream: to.name, Worker: in.GetWorkerId(), Task: task,
 	}}
@@ -37,6 +34,19 @@ func (d *disturber) report(ctx context.Context, to *passage, in *farmv1.ReportRe
 	return answer, err
 }
 
+// reportTakes is takes for reports.
+func (d *disturber) reportTakes(in *farmv1.ReportRequest, f fault) bool {
+	switch {
+	case in.GetFailure() != nil:
+		return false
+	case f == stale:
+		return d.mayAge()
+	case f == flipReport:
+		return d.maySpoil(in.GetLease().GetTaskId())
+	}
+	return true
+}
+
 // report is one that passes.
 type report struct {
 	d     *disturber
@@ -55,6 +65,7 @@ func (v *report) send(ctx context.Context, in *farmv1.ReportRequest, step, detai
 }
 
 func (v *report) sendStale(ctx context.Context) (*farmv1.ReportResponse, error) {
+	defer v.d.aged()
 	v.d.hidden.add(v.in.GetLease())
 	defer v.d.hidden.remove(v.in.GetLease())
 	wait(ctx, leaseTime)

@@ -50,23 +50,40 @@ func (f fault) damages() bool {
 }
 
 func (f fault) fitsReports() bool {
-	return slices.Contains([]fault{none, repeat, repeatLater, stale, flipReport}, f)
+	return slices.Contains([]fault{repeat, repeatLater, stale, flipReport}, f)
 }
 
 func (f fault) fitsDeliveries() bool { return f != flipReport }
 
-// schedule says what happens to the n-th message: a function of seed and n.
+// schedule says what happens to the n-th message: a function of seed and n, as far as messages take
+// what they are dealt.
 type schedule struct {
 	seed  uint64
 	rate  float64
 	kinds []fault
 
-	mu sync.Mutex
-	n  int
+	mu                  sync.Mutex
+	n                   int
+	deliveries, reports deck
 }
 
+// deck deals all faults of a call in random order before any comes again. One that a message cannot
+// take stays in it for the next.
+type deck struct {
+	fits    func(fault) bool
+	decks   uint64
+	waiting []fault
+}
+
+const (
+	// reportShare of the rate is that of reports: each holds its whole job up.
+	reportShare = 0.5
+	// staleEvery so many decks: a stale message holds its job up for half a minute.
+	staleEvery = 4
+)
+
 func newSchedule(seed uint64, rate float64, kinds string) (*schedule, error) {
-	s := &schedule{seed: seed, rate: rate}
+	s := &schedule{seed: seed, rate: rate, deliveries: deck{fits: fault.fitsDeliveries}, reports: deck{fits: fault.fitsReports}}
 	for name := range strings.SplitSeq(kinds, ",") {
 		f := fault(strings.ReplaceAll(name, "-", " "))
 		if !slices.Contains(allFaults, f) {
@@ -77,17 +94,57 @@ func newSchedule(seed uint64, rate float64, kinds string) (*schedule, error) {
 	return s, nil
 }
 
-// next draws the fault of the next message, with a source for its details.
-func (s *schedule) next() (number int, f fault, random *rand.Rand) {
+// delivery draws the fault of the next message, a delivery, with a source for its details. takes tells
+// whether the message can have a fault; it has the first for which takes says so.
+func (s *schedule) delivery(takes func(fault) bool) (number int, f fault, random *rand.Rand) {
+	return s.next(&s.deliveries, s.rate, takes)
+}
+
+// report is delivery for reports.
+func (s *schedule) report(takes func(fault) bool) (number int, f fault, random *rand.Rand) {
+	return s.next(&s.reports, reportShare*s.rate, takes)
+}
+
+func (s *schedule) next(d *deck, rate float64, takes func(fault) bool) (number int, f fault, random *rand.Rand) {
 	s.mu.Lock()
+	defer s.mu.Unlock()
 	s.n++
-	number = s.n
-	s.mu.Unlock()
-	random = rand.New(rand.NewPCG(s.seed, uint64(number)))
-	if random.Float64() >= s.rate {
-		return number, none, random
+	random = rand.New(rand.NewPCG(s.seed, uint64(s.n)))
+	if random.Float64() >= rate {
+		return s.n, none, random
 	}
-	return number, s.kinds[random.IntN(len(s.kinds))], random
+	f, dealt := d.deal(takes)
+	if !dealt {
+		s.refill(d)
+		if f, dealt = d.deal(takes); !dealt {
+			f = none
+		}
+	}
+	return s.n, f, random
+}
+
+func (d *deck) deal(takes func(fault) bool) (f fault, dealt bool) {
+	for i, f := range d.waiting {
+		if takes(f) {
+			d.waiting = slices.Delete(d.waiting, i, i+1)
+			return f, true
+		}
+	}
+	return none, false
+}
+
+// refill puts the faults that are not in a deck below those that are.
+func (s *schedule) refill(d *deck) {
+	var added []fault
+	for _, f := range s.kinds {
+		if d.fits(f) && !slices.Contains(d.waiting, f) && (f != stale || d.decks%staleEvery == 0) {
+			added = append(added, f)
+		}
+	}
+	random := rand.New(rand.NewPCG(s.seed, ^d.decks))
+	random.Shuffle(len(added), func(i, j int) { added[i], added[j] = added[j], added[i] })
+	d.decks++
+	d.waiting = append(d.waiting, added...)
 }
 
 // place of a segment: in any job.
