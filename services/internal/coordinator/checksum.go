@@ -49,7 +49,7 @@ func (c *Coordinator) refuse(w worker, in *farmv1.ReportRequest, damage error) *
 	return &farmv1.ReportResponse{Outcome: farmv1.Outcome_OUTCOME_CONFLICT, Message: damage.Error()}
 }
 
-// noteDamage of a report, and give its task back.
+// noteDamage of a report and give its task back, against which it does not speak.
 func (r *run) noteDamage(w worker, l *farmv1.LeaseRef, damage error, quarantine time.Duration) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
@@ -58,5 +58,8 @@ func (r *run) noteDamage(w worker, l *farmv1.LeaseRef, damage error, quarantine 
 	}
 	r.publish("fault", fmt.Sprintf("worker %s sent a damaged report: %v", w.name, damage), nil,
 		append(identity(w), slog.Float64("quarantine_seconds", quarantine.Seconds()))...)
-	r.blame(l, w, damage.Error())
+	if r.table.Release(ref(l), w.id) {
+		r.c.metrics.released.Inc()
+	}
+	r.save()
 }
