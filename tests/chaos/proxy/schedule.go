@@ -63,7 +63,7 @@ type schedule struct {
 	kinds []fault
 
 	mu                  sync.Mutex
-	n                   int
+	n, lastStale        int // number of the latest message, and of the latest that became stale
 	deliveries, reports deck
 }
 
@@ -78,8 +78,9 @@ type deck struct {
 const (
 	// reportShare of the rate is that of reports: each holds its whole job up.
 	reportShare = 0.5
-	// staleEvery so many decks: a stale message holds its job up for half a minute.
-	staleEvery = 4
+	// stalePause is the number of messages from one that becomes stale to the next: it holds its job up
+	// for half a minute.
+	stalePause = 100
 )
 
 func newSchedule(seed uint64, rate float64, kinds string) (*schedule, error) {
@@ -113,15 +114,22 @@ func (s *schedule) next(d *deck, rate float64, takes func(fault) bool) (number i
 	if random.Float64() >= rate {
 		return s.n, none, random
 	}
-	f, dealt := d.deal(takes)
+	deal := func() (fault, bool) {
+		return d.deal(func(f fault) bool { return (f != stale || s.mayAge()) && takes(f) })
+	}
+	f, dealt := deal()
 	if !dealt {
 		s.refill(d)
-		if f, dealt = d.deal(takes); !dealt {
-			f = none
-		}
+		f, _ = deal()
+	}
+	if f == stale {
+		s.lastStale = s.n
 	}
 	return s.n, f, random
 }
+
+// mayAge requires: mu.
+func (s *schedule) mayAge() bool { return s.lastStale == 0 || s.n-s.lastStale >= stalePause }
 
 func (d *deck) deal(takes func(fault) bool) (f fault, dealt bool) {
 	for i, f := range d.waiting {
@@ -137,7 +145,7 @@ func (d *deck) deal(takes func(fault) bool) (f fault, dealt bool) {
 func (s *schedule) refill(d *deck) {
 	var added []fault
 	for _, f := range s.kinds {
-		if d.fits(f) && !slices.Contains(d.waiting, f) && (f != stale || d.decks%staleEvery == 0) {
+		if d.fits(f) && !slices.Contains(d.waiting, f) {
 			added = append(added, f)
 		}
 	}
