@@ -99,7 +99,7 @@ func (r *run) rule(h *heldBatch, key segmentKey, c *check.Case) (complaint strin
 		}
 	case check.Disputed:
 		h.since = r.c.options.Now()
-		r.c.flag(h.worker, "conflicting")
+		r.c.flag(h.worker)
 		return r.evidence(key, c) + "; a third worker decides"
 	case check.Hung:
 		complaint = r.evidence(key, c)

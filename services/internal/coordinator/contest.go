@@ -65,7 +65,7 @@ func (r *run) compare(key segmentKey, worker string, mark round.Mark) (complaint
 // warnOfLate requires: mu; the segment's round is closed.
 func (r *run) warnOfLate(key segmentKey, worker string, counted, mark round.Mark) (complaint string) {
 	first := r.checks.by[key].worker
-	r.c.flag(first, "conflicting")
+	r.c.flag(first)
 	c := &check.Case{}
 	c.Hear(first, counted)
 	c.Hear(worker, mark)

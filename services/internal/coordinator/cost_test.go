@@ -5,6 +5,7 @@ import (
 	"testing"
 	"time"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/coordinator/fakeworker"
@@ -69,9 +70,11 @@ func TestCPUTimeThatCannotBeIsRefused(t *testing.T) {
 		task := a.lease()[0]
 		result := samplesOf(task)
 		result.CpuSeconds = wrong
-		answer, err := s.c.Report(t.Context(), &farmv1.ReportRequest{
+		in := &farmv1.ReportRequest{
 			WorkerId: a.id, Lease: leaseOf(task), Result: &farmv1.ReportRequest_Bootstrap{Bootstrap: result},
-		})
+		}
+		in.Checksum = checksum.Of(in)
+		answer, err := s.c.Report(t.Context(), in)
 		if err != nil || answer.GetOutcome() != farmv1.Outcome_OUTCOME_REJECTED {
 			t.Errorf("%v: %v, error %v", wrong, answer, err)
 		}

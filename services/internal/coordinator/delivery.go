@@ -64,7 +64,7 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
 		return nil
 	}
-	d.open()
+	d.open(unsound(d.header))
 	if d.verdict != nil {
 		return nil
 	}
@@ -76,12 +76,15 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 	return nil
 }
 
-// open checks the header against the job.
-func (d *Delivery) open() {
+// open checks the header against the job; damage is what is wrong with its checksums.
+func (d *Delivery) open(damage error) {
 	r := d.run
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	switch {
+	case damage != nil:
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, damage.Error())
+		return
 	case r.rec.State != job.Rendering || r.finishing != nil:
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
@@ -171,6 +174,10 @@ func (d *Delivery) judge(batch *merge.Batch) {
 	r := d.run
 	if !r.current(batch) {
 		d.supersede("a part of it was asked for before the job was refined or its round begun again")
+		return
+	}
+	if err := r.misplaced(batch); err != nil {
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, err.Error())
 		return
 	}
 	if _, err := r.state.Judge(batch); err != nil {
@@ -279,7 +286,7 @@ func (d *Delivery) conflict(message string) {
 
 // flag holds a batch against its worker and not against its tasks. Requires: run.mu.
 func (d *Delivery) flag(kind, message string, more ...slog.Attr) {
-	d.c.flag(d.worker.id, kind)
+	d.c.flag(d.worker.id)
 	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
 	d.run.publish("fault", fmt.Sprintf("worker %s delivered a %s batch of round %d: %s", d.worker.name, kind, d.header.GetRound(), message), nil,
 		append(about, more...)...)

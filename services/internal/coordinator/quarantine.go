@@ -7,12 +7,12 @@ import (
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
-// A worker whose film does not fit its own digests, or does not unpack, has bad memory, or something
-// between it and here changes what it sends. Nothing of such a batch is merged, so that the image is
-// right whatever follows; but its segments have to be rendered again. That says nothing about them: it is
-// not counted towards giving their job up. So the worker gets no leases for a time that doubles with
-// every such batch and is halved with every one that is merged: one flip costs a moment, a broken machine
-// is asked every few minutes.
+// A worker whose film does not unpack or does not fit its own digests, or whose segments or reports do not
+// fit their checksums or tasks, has bad memory, or something between it and here changes what it sends.
+// Nothing of such a batch or report is taken, so that the image is right whatever follows; but it has to
+// be rendered again. That says nothing about its tasks: it is not counted towards giving their job up. So
+// the worker gets no leases for a time that doubles with every such message and is halved with every
+// batch that is merged: one flip costs a moment, a broken machine is asked every few minutes.
 
 // quarantineDoublings bounds the time: 1 s becomes 4 minutes at most.
 const quarantineDoublings = 8

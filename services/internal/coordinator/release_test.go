@@ -53,15 +53,9 @@ func (h *hand) release(leaving bool, tasks ...*farmv1.Task) {
 // fail reports that the task cannot be done.
 func (h *hand) fail(task *farmv1.Task) {
 	h.t.Helper()
-	_, err := h.c.Report(h.t.Context(), &farmv1.ReportRequest{
-		WorkerId: h.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
-		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
-			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: "by hand",
-		}},
-	})
-	if err != nil {
-		h.t.Fatal(err)
-	}
+	h.report(task, &farmv1.ReportRequest{Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
+		Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: "by hand",
+	}}})
 }
 
 // patientSite grants leases that outlast the test.
