@@ -10,12 +10,12 @@ from conftest import MakeStage
 from orders import SCENE, request_of
 from stage import Coordinator, Part, Stage, wait_until
 
-# From the last that a coordinator heard of a worker until what it held is leased to another: a lease
-# of 12 s and the next request. The coordinator measures it, so that only its own delay counts.
+# From the last that a coordinator heard of a worker until what it held is leased to another: a
+# lease of 12 s and the next request. The coordinator measures it, so that only its own delay counts.
 LEASED_AGAIN = 15.0
 # From the death of a coordinator until another goes on with its jobs: a lease of 6 s, a look every
-# second and the reading of the checkpoint make 8 s. Reading is work, for which a machine that others
-# load gets the rest of the 15 s that are promised at most.
+# second and the reading of the checkpoint make 8 s. Reading is work, for which a machine that
+# others load gets the rest of the 15 s that are promised at most.
 TAKEN_OVER = 8.0
 LOADED = 7.0
 # For what is not measured.
