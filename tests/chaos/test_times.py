@@ -11,7 +11,7 @@ from orders import SCENE, request_of
 from stage import Coordinator, Part, Stage, wait_until
 
 # From the last that a coordinator heard of a worker until what it held is leased to another: a
-# lease of 12 s and the next request. The coordinator measures it, so that only its own delay counts.
+# lease of 12 s and the next request. The coordinator measures it, so only its own delay counts.
 LEASED_AGAIN = 15.0
 # From the death of a coordinator until another goes on with its jobs: a lease of 6 s, a look every
 # second and the reading of the checkpoint make 8 s. Reading is work, for which a machine that
