@@ -169,8 +169,12 @@ func TestADisputedSegmentDoesNotOutliveItsCoordinator(t *testing.T) {
 	want := reference(t, request)
 	l := newLateCopy(t, request, true, 0, func(l *lateCopy) {
 		l.first.Lie = 12345
+		rendered := 0
 		l.first.Rendered = func(h *farmv1.BatchHeader, _ []*farmv1.Tile) {
-			if h.GetRound() > 0 { // it has rendered its part of round 0, and is honest from now on
+			if h.GetRound() == 0 {
+				rendered += len(h.GetSegments())
+			}
+			if rendered == 12 { // all that the third has not: it is honest from now on
 				l.first.Lie = 0
 			}
 		}
