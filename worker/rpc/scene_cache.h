@@ -26,7 +26,7 @@ struct SceneCacheOptions {
   std::filesystem::path directory;          // of the bundles
   uint64_t max_bytes = uint64_t{10} << 30;  // of the bundles
   // That the meshes and images of one scene may take, and all scenes together that are kept.
-  uint64_t scene_memory = uint64_t{16} << 30;
+  uint64_t scene_memory = uint64_t{4} << 30;
   std::string isa;
   int threads = 1;
 };
