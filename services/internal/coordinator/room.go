@@ -2,14 +2,9 @@ package coordinator
 
 import (
 	"cmp"
-	"context"
-	"errors"
-	"fmt"
+	"maps"
 	"slices"
 	"sync"
-
-	"metrofarm/services/internal/job"
-	"metrofarm/services/internal/plan"
 )
 
 // The films of all jobs of a coordinator share a budget. A job needs room for what plan.Memory
@@ -25,11 +20,12 @@ import (
 type room struct {
 	budget int64 // 0: no bound
 
-	mu      sync.Mutex
-	used    int64
-	granted map[*run]int64
-	waiting []*guest          // by priority, then by age
-	strange map[string]*guest // those of them that nobody owns, by job
+	mu       sync.Mutex
+	used     int64
+	granted  map[*run]int64
+	expected map[string]int64  // granted to jobs that are being taken over
+	waiting  []*guest          // by priority, then by age
+	strange  map[string]*guest // those of them that nobody owns, by job
 }
 
 // guest is a job that waits for room: of this coordinator, or one that nobody owns (run nil).
@@ -38,10 +34,13 @@ type guest struct {
 	priority int
 	number   uint64
 	bytes    int64
+	invited  bool // of those that nobody owns: it is taken over whether it fits or not
 }
 
 func newRoom(budget int64) *room {
-	return &room{budget: budget, granted: make(map[*run]int64), strange: make(map[string]*guest)}
+	return &room{
+		budget: budget, granted: make(map[*run]int64), expected: make(map[string]int64), strange: make(map[string]*guest),
+	}
 }
 
 func compareGuests(a, b *guest) int {
@@ -78,6 +77,7 @@ func (m *room) force(r *run, bytes int64) {
 	m.mu.Lock()
 	defer m.mu.Unlock()
 	m.leave(r)
+	m.forget(r.id)
 	m.grant(r, bytes)
 }
 
@@ -128,13 +128,18 @@ func (m *room) next(ready func(*run) bool) *run {
 	return nil
 }
 
-// receive tells whether a job that nobody owns may be taken over. If not, it keeps a place in the line.
+// receive tells whether a job that nobody owns may be taken over, and then expects it: it has its room
+// until it is forced in or forgotten. If not, it keeps a place in the line.
 func (m *room) receive(id string, priority int, number uint64, bytes int64) bool {
 	m.mu.Lock()
 	defer m.mu.Unlock()
+	known := m.strange[id]
 	m.forget(id)
 	mine := &guest{priority: priority, number: number, bytes: bytes}
-	if bytes == 0 || m.fits(bytes) && (len(m.waiting) == 0 || compareGuests(mine, m.waiting[0]) < 0) {
+	first := len(m.waiting) == 0 || compareGuests(mine, m.waiting[0]) < 0
+	if bytes == 0 || m.fits(bytes) && first || known != nil && known.invited {
+		m.expected[id] = bytes
+		m.used += bytes
 		return true
 	}
 	m.strange[id] = mine
@@ -142,23 +147,38 @@ func (m *room) receive(id string, priority int, number uint64, bytes int64) bool
 	return false
 }
 
-// keep forgets the jobs without owner that are not among these any more: others have taken them.
+// keep forgets the jobs without owner that are not among these any more: they have one.
 func (m *room) keep(ids []string) {
 	m.mu.Lock()
 	defer m.mu.Unlock()
-	for id := range m.strange {
-		if !slices.Contains(ids, id) {
-			m.forget(id)
+	for _, known := range [][]string{slices.Collect(maps.Keys(m.strange)), slices.Collect(maps.Keys(m.expected))} {
+		for _, id := range known {
+			if !slices.Contains(ids, id) {
+				m.forget(id)
+			}
 		}
 	}
 }
 
 // forget requires: mu.
 func (m *room) forget(id string) {
+	m.used -= m.expected[id]
+	delete(m.expected, id)
 	if known := m.strange[id]; known != nil {
 		delete(m.strange, id)
 		m.waiting = slices.DeleteFunc(m.waiting, func(g *guest) bool { return g == known })
 	}
+}
+
+// invite has a job that waits and that nobody owns taken over at the next look; false: it is none.
+func (m *room) invite(id string) bool {
+	m.mu.Lock()
+	defer m.mu.Unlock()
+	known := m.strange[id]
+	if known != nil {
+		known.invited = true
+	}
+	return known != nil
 }
 
 // strangeTo tells whether a job waits that nobody owns.
@@ -173,118 +193,4 @@ func (m *room) state() (used, budget int64) {
 	m.mu.Lock()
 	defer m.mu.Unlock()
 	return m.used, m.budget
-}
-
-// needs is the memory of a job's film by its spec. Requires: mu; spec is set.
-func (r *run) needs() int64 {
-	bytes, _ := plan.Memory(r.spec)
-	return int64(bytes)
-}
-
-// whenThereIsRoom goes on with a job, at once or when its film fits. Requires: mu; spec is set, no
-// task is open.
-func (r *run) whenThereIsRoom(goOn func()) {
-	r.rec.FilmBytes = r.needs()
-	defer r.leaveRoomIfGone()
-	if r.c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes) {
-		goOn()
-		return
-	}
-	r.c.room.wait(r, r.rec.Request.Priority, r.rec.FilmBytes)
-	r.parked = goOn
-	r.setState(job.Queued, r.waitsForRoom())
-	r.c.wake()
-}
-
-// leaveRoomIfGone: a job that is lost meanwhile was taken out of the room before it entered.
-func (r *run) leaveRoomIfGone() {
-	if r.gone.Load() {
-		r.c.room.remove(r)
-	}
-}
-
-// waitingForRoom requires: mu.
-func (r *run) waitingForRoom() bool { return r.parked != nil && !r.rec.State.Ended() }
-
-// waitsForRoom says what a job waits for. Requires: mu.
-func (r *run) waitsForRoom() string {
-	const mebi = 1 << 20
-	used, budget := r.c.room.state()
-	return fmt.Sprintf("waiting for memory: the film takes up to %d MiB, and those of other jobs %d of %d MiB",
-		r.rec.FilmBytes/mebi, used/mebi, budget/mebi)
-}
-
-// letIn lets jobs go on whose films fit by now.
-func (c *Coordinator) letIn() {
-	for {
-		r := c.room.next((*run).mayGoOn)
-		if r == nil || !r.unpark() {
-			return
-		}
-	}
-}
-
-// mayGoOn tells whether a job that waits for room would go on if it had it.
-func (r *run) mayGoOn() bool { return !r.gone.Load() && !r.standing.idle.Load() }
-
-// unpark goes on with a job that has its room now; false: the store is out of reach, and it waits on.
-func (r *run) unpark() bool {
-	defer r.c.announce()
-	r.mu.Lock()
-	defer r.mu.Unlock()
-	switch {
-	case r.parked == nil || r.rec.State.Ended() || r.gone.Load():
-		r.c.room.remove(r)
-		return true
-	case r.rec.Paused || !r.mayAct():
-		r.c.room.wait(r, r.rec.Request.Priority, r.rec.FilmBytes)
-		return false
-	}
-	goOn := r.parked
-	r.parked = nil
-	goOn()
-	r.save()
-	return true
-}
-
-// hasRoomFor tells whether a job that nobody owns may be taken over now.
-func (c *Coordinator) hasRoomFor(ctx context.Context, id string) (bool, error) {
-	stored, err := c.options.Store.Job(ctx, id)
-	switch {
-	case errors.Is(err, job.ErrNotFound):
-		return false, nil
-	case err != nil:
-		return false, err
-	case stored.State.Ended():
-		return true, nil // it only needs to be stored with all that belongs to it
-	}
-	strange := c.room.strangeTo(id)
-	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes)
-	if !takes && !strange {
-		c.log.Info("job without owner is not taken over: there is no room for its film", "job", id, "film_bytes", stored.FilmBytes)
-	}
-	return takes, nil
-}
-
-// takeToCancel takes over a job that no coordinator has room for, if this is one: to be canceled it
-// must be owned. It is read as a job that has ended is.
-func (c *Coordinator) takeToCancel(ctx context.Context, id string) error {
-	if !c.room.strangeTo(id) {
-		return nil
-	}
-	stored, err := c.options.Store.Job(ctx, id)
-	if err != nil {
-		return err
-	}
-	done, err := c.readers.enter(ctx, id, stored.FilmBytes, c.options.ReadPatience)
-	if err != nil {
-		return err
-	}
-	defer done()
-	rec, epoch, err := c.options.Store.Acquire(ctx, c.claim(), id)
-	if err != nil {
-		return fmt.Errorf("job %s: %w: %w", id, job.ErrUnavailable, err)
-	}
-	c.take(ctx, c.newRun(rec, epoch))
-	return nil
 }
