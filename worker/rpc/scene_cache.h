@@ -42,7 +42,8 @@ class SceneCache {
 
   SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log);
 
-  // Loads the scene unless it is there. Messages name files relative to the bundle.
+  // Loads the scene unless it is there. Scenes that are kept then make room: while it is loaded
+  // they take half of the memory for scenes at most. Messages name files relative to the bundle.
   std::optional<LoadFault> get(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                const Progress& progress, Scene& scene);
   // Forgets loaded scenes, in case memory is to blame.
@@ -51,7 +52,7 @@ class SceneCache {
  private:
   std::optional<LoadFault> load(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                 const Progress& progress, Scene& scene);
-  void shrink(uint64_t max_bytes, size_t max_scenes);
+  void shrink(uint64_t max_bytes, size_t max_scenes, size_t min_scenes);
 
   SceneCacheOptions options_;
   Metrics& metrics_;
