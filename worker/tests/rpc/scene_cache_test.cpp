@@ -19,6 +19,7 @@ class SceneCacheTest : public testing::Test {
   SceneCacheTest() {
     directory_ = fs::temp_directory_path() / ("metrofarm-scene-cache-" + std::to_string(getpid()));
     fs::remove_all(directory_);
+    fs::create_directories(directory_);
   }
   ~SceneCacheTest() override {
     std::error_code ignored;
