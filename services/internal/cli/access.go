@@ -39,8 +39,8 @@ type Access struct {
 	JobLimits plan.Limits
 }
 
-// Defaults of the limits on jobs: an 8K image by chains fits into a worker, a 4K one with direct light
-// apart into the coordinator.
+// Defaults of the limits on jobs, where memory allows: an 8K image by chains in a worker, a 4K one with direct light
+// apart in the coordinator.
 const (
 	defaultPixels       = 1 << 25
 	defaultChains       = 1 << 17
