@@ -2,9 +2,9 @@
 // workers, merges what comes back, stops on complete rounds and survives its own death.
 //
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
-// and film. run.mu is taken before Coordinator.mu, never after it. Whole-film work (folding a
-// round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the one
-// housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
+// and film. run.mu is taken before Coordinator.mu, never after it, and the lock of the room for films
+// (room.go) last. Whole-film work (folding a round, hashing, developing, writing checkpoints) happens
+// on snapshots, off both locks, in the one housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
 // over jobs without owner (ownership.go).
 package coordinator
 
