@@ -29,6 +29,7 @@ func (c *Coordinator) housekeep() {
 		r.keep()
 		r.retire()
 	}
+	c.letIn()
 }
 
 // tick looks at the clock.

@@ -61,6 +61,7 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	if number := r.rec.Contested; number != nil {
 		r.discardFrom(*number)
 	}
+	r.rec.FilmBytes = r.needs()
 	return nil
 }
 
