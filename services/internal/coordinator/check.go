@@ -95,6 +95,9 @@ func (r *run) rule(h *heldBatch, key segmentKey, c *check.Case) (complaint strin
 			r.convict(key, c, ruling)
 		}
 		if ruling.Mark == h.mark(key) {
+			if len(h.cases) == 0 {
+				delete(r.checks.doubted, h.worker)
+			}
 			r.settle(h)
 		}
 	case check.Disputed:
@@ -179,7 +182,7 @@ func (r *run) pauseFor(reason string) {
 		for _, c := range h.cases {
 			if status := c.Ruling().Status; status == check.Disputed || status == check.Hung {
 				for _, t := range c.Heard {
-					r.checks.suspects[t.Worker] = true
+					r.checks.suspects[t.Worker], r.checks.doubted[t.Worker] = true, true
 				}
 			}
 		}

@@ -102,9 +102,6 @@ func (r *run) uphold() {
 // again. Requires: mu.
 func (r *run) unwind(h *heldBatch) {
 	number := h.batch.Round
-	for _, s := range h.batch.Segments {
-		r.checks.again[segmentKey{number, s.Segment}] = true
-	}
 	r.discardFrom(number)
 	r.clearTasks()
 	r.openTasks()

@@ -50,8 +50,8 @@ type checks struct {
 	suspects map[string]bool
 	// by tells of the segments of open rounds, and of the one closed last, on whose word they were counted.
 	by map[segmentKey]countedBy
-	// again are segments about which workers disagreed, and nobody decided: they are checked again.
-	again map[segmentKey]bool
+	// doubted disagreed, and nobody decided: all that they deliver is checked, until a batch is confirmed.
+	doubted map[string]bool
 	// unchecked counts segments by the worker on whose word alone they were counted.
 	unchecked map[string]int
 }
@@ -60,7 +60,7 @@ func newChecks() checks {
 	return checks{
 		of: make(map[segmentKey]*heldBatch), proven: make(map[segmentKey]round.Mark),
 		suspects: make(map[string]bool), unchecked: make(map[string]int),
-		by: make(map[segmentKey]countedBy), again: make(map[segmentKey]bool),
+		by: make(map[segmentKey]countedBy), doubted: make(map[string]bool),
 	}
 }
 
@@ -103,7 +103,7 @@ func (r *run) toCheck(w worker, batch *merge.Batch) []segmentKey {
 	for _, s := range batch.Segments {
 		key := segmentKey{batch.Round, s.Segment}
 		_, proven := r.checks.proven[key]
-		if !proven && (r.checks.again[key] || check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment)) {
+		if !proven && (r.checks.doubted[w.id] || check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment)) {
 			selected = append(selected, key)
 		}
 	}

@@ -114,7 +114,6 @@ func (r *run) adopt(folded *render.State, unwound uint64, point job.ConvergenceP
 	r.state.Adopt(folded)
 	r.dirty = true
 	maps.DeleteFunc(r.checks.proven, func(key segmentKey, _ round.Mark) bool { return key.round < r.state.Closed })
-	maps.DeleteFunc(r.checks.again, func(key segmentKey, _ bool) bool { return key.round < r.state.Closed })
 	maps.DeleteFunc(r.checks.by, func(key segmentKey, _ countedBy) bool { return key.round < r.state.Closed-1 })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
 	r.warnOfTrapped(&r.state.Account.Counts)
