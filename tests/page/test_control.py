@@ -116,10 +116,12 @@ def wait_until_quiet(farm: Farm, watched: Watched, job: str) -> None:
     while busy():
         assert time.monotonic() < deadline, "the segments of a paused job do not end"
         time.sleep(0.1)
-    rounds = farm.job(job)["rounds_done"]
+    snapshot = farm.job(job)
+    rounds, state = snapshot["rounds_done"], snapshot["state"]
     if rounds > 0:
         watched.picture(f"image srgb {rounds}")
-    expect(watched.page.locator("#progress-text")).to_contain_text(f"round {rounds + 1}")
+    told = f"round {rounds + 1}" if state == "rendering" else state
+    expect(watched.page.locator("#progress-text")).to_contain_text(told)
 
 
 def requests_of_a_while(watched: Watched, seconds: int) -> list[str]:
