@@ -62,7 +62,7 @@ func (s *server) registerImages(api huma.API) {
 			Path: "/v1/jobs/{id}/" + name, Tags: []string{"images"}, Summary: summary,
 			Description: "The complete rounds so far; 409 before the first. ETag is the film's hash. A job goes on while " +
 				"one reads: Metrofarm-Rounds and Metrofarm-Mutations tell of this image, the job's snapshot of another moment.",
-			Security:    needs(auth.Read),
+			Security: needs(auth.Read),
 			Responses: map[string]*huma.Response{
 				"200": {Description: "The image", Content: map[string]*huma.MediaType{mediaType: {}}},
 				"304": {Description: "If-None-Match names the current film"},
