@@ -156,6 +156,7 @@ type Coordinator struct {
 
 	reads, writes      chan struct{}  // checkpoints being read, and written
 	reading, transfers sync.WaitGroup // likewise
+	news               news
 
 	submitMu sync.Mutex // taken before all others
 	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
@@ -205,7 +206,7 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		usualCost: firstCost,
 	}
 	c.metrics = newMetrics(c)
-	if err := c.beat(ctx); err != nil {
+	if err := errors.Join(c.beat(ctx), c.hearOfChanges(ctx)); err != nil {
 		return nil, fmt.Errorf("coordinator: %w", err)
 	}
 	return c, nil

@@ -14,6 +14,7 @@
 //	{prefix}:addresses    hash, member id to store.Member in JSON
 //	{prefix}:job:ID       hash: record (store.Record in JSON), number, revision, ended ("1" or empty),
 //	                      epoch, owner (empty when released), last (sequence of the last event), key
+//	{prefix}:changes      stream of jobs at rest that were deleted or go on: fields id, deleted ("1" or empty)
 //	{prefix}:events:ID    stream, ids are SEQUENCE-0, field "e" is job.Event in JSON
 package redis
 
