@@ -55,11 +55,11 @@ var routeRoles = map[string]auth.Role{
 	"POST /v1/jobs":             auth.Submit,
 	"DELETE /v1/jobs/{id}":      auth.Submit, // one's own
 	"PATCH /v1/jobs/{id}":       auth.Submit, // one's own
-	"POST /v1/jobs/{id}/cancel": auth.Submit,
-	"POST /v1/jobs/{id}/finish": auth.Submit,
-	"POST /v1/jobs/{id}/refine": auth.Submit,
-	"POST /v1/jobs/{id}/pause":  auth.Submit,
-	"POST /v1/jobs/{id}/resume": auth.Submit,
+	"POST /v1/jobs/{id}/cancel": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/finish": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/refine": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/pause":  auth.Submit, // one's own
+	"POST /v1/jobs/{id}/resume": auth.Submit, // one's own
 	"POST /v1/scenes":           auth.Submit,
 
 	"POST /v1/workers/{id}/drain": auth.Admin,
@@ -103,6 +103,7 @@ func TestOperationsWithoutRolesAreRefused(t *testing.T) {
 type guarded struct {
 	*fixture
 	tokens map[auth.Role]string // the user of each is its role
+	other  string               // of another user who may submit
 	file   string               // of the tokens
 	known  *auth.Tokens
 	log    *bytes.Buffer
@@ -113,14 +114,18 @@ func newGuarded(t *testing.T, change func(*api.Options)) *guarded {
 	t.Helper()
 	g := &guarded{tokens: map[auth.Role]string{}, log: &bytes.Buffer{}, now: time.Now()}
 	var lines strings.Builder
-	for _, role := range []auth.Role{auth.Read, auth.Submit, auth.Admin} {
-		token, line, err := auth.NewToken(role, role.String())
+	create := func(role auth.Role, user string) string {
+		token, line, err := auth.NewToken(role, user)
 		if err != nil {
 			t.Fatal(err)
 		}
-		g.tokens[role] = token
 		lines.WriteString(line + "\n")
+		return token
 	}
+	for _, role := range []auth.Role{auth.Read, auth.Submit, auth.Admin} {
+		g.tokens[role] = create(role, role.String())
+	}
+	g.other = create(auth.Submit, "other")
 	path := filepath.Join(t.TempDir(), "tokens")
 	if err := os.WriteFile(path, []byte(lines.String()), 0o600); err != nil {
 		t.Fatal(err)
@@ -212,7 +217,7 @@ func TestJobsBelongToTheirUsers(t *testing.T) {
 		if got := g.as(auth.Admin, "PATCH", "/v1/jobs/"+s.ID, `{"priority":3}`); got.status != 200 {
 			t.Errorf("admin changes the job of %s: %d %s", role, got.status, got.body)
 		}
-		g.as(auth.Submit, "POST", "/v1/jobs/"+s.ID+"/cancel", "")
+		g.as(role, "POST", "/v1/jobs/"+s.ID+"/cancel", "")
 		return s.ID
 	}
 	of, others, again := submit(auth.Submit), submit(auth.Admin), submit(auth.Submit)
@@ -225,6 +230,35 @@ func TestJobsBelongToTheirUsers(t *testing.T) {
 	first, foreign := submit(auth.Submit, "Idempotency-Key", "k"), submit(auth.Admin, "Idempotency-Key", "k")
 	if first == foreign {
 		t.Error("another user's idempotency key returned this one's job")
+	}
+}
+
+// Whatever changes a job asks for its user, or an admin: another one who may submit is refused.
+func TestOnlyItsUserAndAdminsChangeAJob(t *testing.T) {
+	g := newGuarded(t, nil)
+	bearer := func(token string) []string { return []string{"Authorization", "Bearer " + token} }
+	for route := range routeRoles {
+		method, path, _ := strings.Cut(route, " ")
+		if method == "GET" || !strings.HasPrefix(path, "/v1/jobs/{id}") {
+			continue
+		}
+		body := map[string]string{"PATCH /v1/jobs/{id}": `{"priority":1}`, "POST /v1/jobs/{id}/refine": `{"rounds":9}`}[route]
+		id := decode[job.Snapshot](t, g.as(auth.Submit, "POST", "/v1/jobs", request)).ID
+		path = strings.Replace(path, "{id}", id, 1)
+		refused := g.do(method, path, body, bearer(g.other)...)
+		g.expectProblem(http.StatusForbidden, "", refused)
+		if !strings.Contains(string(refused.body), "this is a job of submit") {
+			t.Errorf("%s by another user: %s", route, refused.body)
+		}
+		if now := decode[job.Snapshot](t, g.as(auth.Read, "GET", "/v1/jobs/"+id, "")); now.State != job.Queued || now.Paused {
+			t.Errorf("%s by another user: the job is %s, paused %v", route, now.State, now.Paused)
+		}
+		// The job may be in no state for it, which is for its user and for admins to hear.
+		for _, role := range []auth.Role{auth.Submit, auth.Admin} {
+			if got := g.as(role, method, path, body); got.status == http.StatusForbidden {
+				t.Errorf("%s by %s: %d %s", route, role, got.status, got.body)
+			}
+		}
 	}
 }
 

@@ -4,8 +4,9 @@
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
 // and film. run.mu is taken before Coordinator.mu, never after it, and the lock of the room for films
 // (room.go) last. Whole-film work (folding a round, hashing, developing, writing checkpoints) happens
-// on snapshots, off both locks, in the one housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
-// over jobs without owner (ownership.go).
+// on snapshots, off both locks, in the goroutines that Run owns: housekeeping, one that renews the leases
+// on the jobs, one that takes over jobs without owner (ownership.go), and one for each checkpoint that is
+// read or written (keep.go).
 package coordinator
 
 import (
@@ -69,8 +70,8 @@ type Options struct {
 	// CheckPatience is how long a batch is held for another worker to confirm it, or for a third to
 	// decide between two.
 	CheckPatience time.Duration
-	// Quarantine is how long a worker gets no leases after a batch whose film does not fit its own
-	// digests; twice as long after each further one.
+	// Quarantine is how long a worker gets no leases after a damaged batch: one that does not unpack, or
+	// whose film does not fit its own digests; twice as long after each further one.
 	Quarantine time.Duration
 }
 
@@ -153,7 +154,9 @@ type Coordinator struct {
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
 
-	news news
+	reads, writes      chan struct{}  // checkpoints being read, and written
+	reading, transfers sync.WaitGroup // likewise
+	news               news
 
 	submitMu sync.Mutex // taken before all others
 	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
@@ -193,6 +196,8 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		kick:    make(chan struct{}, 1),
 		stopped: make(chan struct{}),
 		broken:  make(chan error, 1),
+		reads:   make(chan struct{}, maxReads),
+		writes:  make(chan struct{}, maxWrites),
 		jobs:    make(map[string]*run),
 		ended:   make(map[job.State]int),
 		workers: make(map[string]*worker),
@@ -222,6 +227,10 @@ func (c *Coordinator) Run(ctx context.Context) error {
 	if err == nil {
 		c.shutDown()
 	}
+	for _, r := range c.runs() { // the store failed
+		r.cancelTransfer()
+	}
+	c.transfers.Wait()
 	stopBeating()
 	beats.Wait()
 	if err == nil {
@@ -246,13 +255,17 @@ func (c *Coordinator) keepHouse(ctx context.Context) error {
 	}
 }
 
+// shutDown hands each job over as soon as its last checkpoint is written, whatever becomes of the others.
 func (c *Coordinator) shutDown() {
+	var leaving sync.WaitGroup
 	for _, r := range c.runs() {
-		if !c.suspended() && r.catchUp() && r.checkpointDue(true) {
-			r.checkpoint()
-		}
-		r.closeStreams()
+		leaving.Go(func() {
+			r.keepLast()
+			r.closeStreams()
+			c.handOver(r)
+		})
 	}
+	leaving.Wait()
 }
 
 // fatal ends Run: without its store a coordinator must not promise anything.

@@ -36,7 +36,7 @@ func newGauges(c *Coordinator) gauges {
 		relMSE: desc("metrofarm_rel_mse", "Estimated relative mean squared error after the last round, over the jobs "+
 			"that are rendered and have an estimate; NaN if none has.", "statistic"),
 		workers:       desc("metrofarm_workers", "Workers by state.", "state"),
-		threads:       desc("metrofarm_render_threads", "Render threads of the workers that are not lost."),
+		threads:       desc("metrofarm_render_threads", "Render threads of the workers that may be counted on: not lost, draining, excluded or in quarantine."),
 		checkpointAge: desc("metrofarm_checkpoint_age_seconds", "Age of the oldest last checkpoint of a job that has merged work since; 0 if none has."),
 		heldBatches:   desc("metrofarm_held_batches", "Batches that wait for a second worker to confirm a part of them."),
 		heldBytes:     desc("metrofarm_held_bytes", "Bytes of these, packed."),
@@ -172,12 +172,12 @@ func (r *run) wantedWorkers() int {
 
 func (g *gauges) collectWorkers(gauge func(*prometheus.Desc, float64, ...string)) {
 	held := g.c.heldByWorker()
-	counts := map[string]int{"idle": 0, "busy": 0, "draining": 0, "lost": 0}
+	counts := map[string]int{"idle": 0, "busy": 0, "quarantined": 0, "draining": 0, "lost": 0}
 	threads := 0
 	g.c.mu.Lock()
 	for _, w := range g.c.workers {
 		counts[g.c.workerView(w, held[w.id]).State]++
-		if !g.c.lost(w) {
+		if g.c.renders(w) {
 			threads += w.threads
 		}
 	}

@@ -66,9 +66,6 @@ func (c *Coordinator) beat(ctx context.Context) error {
 	if err != nil {
 		return err
 	}
-	if err := c.hearOfUsage(ctx); err != nil {
-		return err
-	}
 	for _, id := range lost {
 		if r := c.running(id); r != nil && r.epoch == held[id] {
 			c.lose(r)
@@ -82,6 +79,7 @@ func (c *Coordinator) beat(ctx context.Context) error {
 		c.wake()
 		c.announce()
 	}
+	c.hearOfUsage(ctx)
 	return nil
 }
 
@@ -94,11 +92,14 @@ func (c *Coordinator) presence() store.Member {
 	return m
 }
 
-// hearOfUsage takes in what others say that users used.
-func (c *Coordinator) hearOfUsage(ctx context.Context) error {
+// hearOfUsage takes in what others say that users used. Without it the queue goes by what they said last,
+// which is no reason to stop anything.
+func (c *Coordinator) hearOfUsage(ctx context.Context) {
 	members, err := c.options.Store.Members(ctx)
 	if err != nil {
-		return err
+		c.metrics.storeErrors.Inc()
+		c.log.Warn("what users used at other coordinators is not known; their shares go by what was said last", "error", err)
+		return
 	}
 	var said []map[string]float64
 	for _, m := range members {
@@ -109,7 +110,6 @@ func (c *Coordinator) hearOfUsage(ctx context.Context) error {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	c.usage.Elsewhere(c.options.Now(), said...)
-	return nil
 }
 
 // held lists the owned jobs with their epochs.
@@ -154,6 +154,7 @@ func (c *Coordinator) lose(r *run) {
 // drop forgets a job without touching what is stored.
 func (c *Coordinator) drop(r *run) {
 	r.gone.Store(true)
+	r.cancelTransfer()
 	c.mu.Lock()
 	c.remove(r)
 	c.moved = append(c.moved, r)
@@ -196,6 +197,7 @@ func (c *Coordinator) endLostStreams() {
 
 // takeJobs takes over jobs without owner, and hears of those that want none, until ctx ends.
 func (c *Coordinator) takeJobs(ctx context.Context) {
+	defer c.reading.Wait()
 	for {
 		if err := errors.Join(c.hearOfChanges(ctx), c.takeWaiting(ctx)); err != nil && ctx.Err() == nil {
 			c.trouble(err)
@@ -213,11 +215,12 @@ func (c *Coordinator) takeWaiting(ctx context.Context) error {
 	if err != nil {
 		return err
 	}
-	// Each begins with another job, so that several coordinators share them.
+	// Each begins with another job and takes its share, so that several coordinators share them.
+	share := c.shareOf(ctx, len(ids))
 	rand.Shuffle(len(ids), func(i, j int) { ids[i], ids[j] = ids[j], ids[i] })
 	c.room.keep(ids)
 	for _, id := range ids {
-		if ctx.Err() != nil {
+		if ctx.Err() != nil || share == 0 {
 			return nil
 		}
 		if c.running(id) != nil { // its beat is late
@@ -235,15 +238,27 @@ func (c *Coordinator) takeWaiting(ctx context.Context) error {
 			return err
 		default:
 			c.take(ctx, c.newRun(rec, epoch))
+			share--
 		}
 	}
 	return nil
 }
 
+// shareOf is how many of so many jobs without owner this coordinator takes before it looks again.
+func (c *Coordinator) shareOf(ctx context.Context, jobs int) int {
+	if jobs <= 1 {
+		return jobs
+	}
+	members, err := c.options.Store.Members(ctx)
+	if err != nil || len(members) == 0 {
+		return jobs
+	}
+	return (jobs + len(members) - 1) / len(members)
+}
+
 // take goes on with a job that was acquired. It is owned at once, as its lease must be renewed; its
-// checkpoint is read without a lock, as that can take long. Until then the job is like one that waits.
+// checkpoint is read in a goroutine, as that can take long. Until then the job is like one that waits.
 func (c *Coordinator) take(ctx context.Context, r *run) {
-	defer c.announce()
 	c.log.Info("job taken over", "job", r.id, "state", string(r.rec.State), "epoch", r.epoch)
 	c.metrics.taken.Inc()
 	if r.rec.State.Ended() {
@@ -254,7 +269,13 @@ func (c *Coordinator) take(ctx context.Context, r *run) {
 	rec := r.rec
 	r.loading, r.rec.State, r.activity = true, job.Queued, "reading its checkpoint"
 	c.insert(r)
-	saved, err := c.readCheckpoint(ctx, rec)
+	c.reading.Go(func() { c.goOn(ctx, r, rec) })
+}
+
+// goOn reads the checkpoint of a job and lets it go on from there.
+func (c *Coordinator) goOn(ctx context.Context, r *run, rec store.Record) {
+	defer c.announce()
+	saved, err := c.readInTurn(ctx, rec)
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	if r.gone.Load() {
@@ -281,7 +302,8 @@ func unusable(err error) bool {
 // retire gives up a job that has ended and is stored with all that belongs to it.
 func (r *run) retire() {
 	r.mu.Lock()
-	retired := r.rec.State.Ended() && r.mayAct() && !r.dirty && len(r.events.unsaved) == 0 && len(r.garbage) == 0
+	retired := r.rec.State.Ended() && r.mayAct() && !r.dirty && len(r.events.unsaved) == 0 && len(r.garbage) == 0 &&
+		r.transfer.Load() == nil
 	if retired {
 		r.gone.Store(true)
 		r.state, r.image, r.finishing = nil, nil, nil
@@ -301,7 +323,22 @@ func (r *run) retire() {
 	r.closeStreams()
 }
 
-// leave gives the jobs to the other coordinators.
+// handOver gives a job to the other coordinators.
+func (c *Coordinator) handOver(r *run) {
+	if r.gone.Swap(true) {
+		return
+	}
+	c.mu.Lock()
+	c.remove(r)
+	c.mu.Unlock()
+	ctx, cancel := context.WithTimeout(context.Background(), leaveTimeout)
+	defer cancel()
+	if err := c.options.Store.Release(ctx, r.epoch, r.id); err != nil {
+		c.log.Warn("job is taken over when its lease has run out", "job", r.id, "error", err)
+	}
+}
+
+// leave ends the membership, and gives the jobs that are left to the other coordinators.
 func (c *Coordinator) leave() {
 	held := c.held()
 	for _, r := range c.runs() {

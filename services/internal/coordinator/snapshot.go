@@ -189,7 +189,7 @@ func (r *run) describePhase(s *job.Snapshot) {
 
 func (r *run) waitsForVersion() bool {
 	return !r.rec.State.Ended() && r.spec.GetWorkerVersion() != "" &&
-		r.c.liveWorkers(r.spec.GetWorkerVersion()) == 0
+		!r.c.hearsOf(r.spec.GetWorkerVersion())
 }
 
 // progress towards the nearest stop rule, floored to a thousandth.

@@ -99,6 +99,11 @@ type Record struct {
 	// Refinements counts how often the job was refined. It is part of the names of tasks: what was
 	// rendered for the job before cannot be taken for a part of what it renders now.
 	Refinements uint64 `json:"refinements,omitempty"`
+	// Unwound counts how often open rounds were thrown away. It is part of the names of tasks, likewise.
+	Unwound uint64 `json:"unwound,omitempty"`
+	// Contested is an open round of which the checkpoint may hold a segment that workers disagree about:
+	// whoever goes on from it renders that round and those after it again.
+	Contested *int `json:"contested,omitempty"`
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`
 	// FilmBytes is what its film and chains may take in a coordinator's memory; 0 before it is known.

@@ -59,6 +59,8 @@ type Worker struct {
 	// Leaves tells to give back what is held when Run ends, as workers do that are told to end; else
 	// they vanish, which speaks against the tasks they held.
 	Leaves bool
+	// CPUSeconds that it reports for each batch; 0 means 0.01.
+	CPUSeconds float64
 	// StateBytes of each chain group; at least 8.
 	StateBytes int
 	// Film makes the tiles of a batch that has this digest, in place of those that were splatted.
@@ -313,7 +315,8 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	for _, number := range rounds {
 		header, tiles, err := w.render(number, byRound[number])
 		if err != nil {
-			return w.fail(ctx, byRound[number][0], err)
+			first := byRound[number][0]
+			return w.fail(ctx, &farmv1.LeaseRef{TaskId: first.GetTaskId(), Epoch: first.GetEpoch()}, err)
 		}
 		if w.Rendered != nil {
 			w.Rendered(header, tiles)
@@ -326,9 +329,9 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	return nil
 }
 
-func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error {
+func (w *Worker) fail(ctx context.Context, lease *farmv1.LeaseRef, cause error) error {
 	return w.sendReport(ctx, &farmv1.ReportRequest{
-		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
+		WorkerId: w.id, Lease: lease,
 		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
 			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
 		}},
@@ -341,7 +344,7 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 	if w.Film != nil {
 		c.tiles = nil
 	}
-	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
+	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: cmp.Or(w.CPUSeconds, 0.01)}
 	for _, t := range tasks {
 		var result *farmv1.SegmentResult
 		if chains := t.GetChains(); chains != nil {
