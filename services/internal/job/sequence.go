@@ -32,6 +32,9 @@ const (
 // Deleted is the state of a frame whose job was deleted. No job has it.
 const Deleted State = "deleted"
 
+// SequencePrefix begins the ids of sequences, and of nothing else.
+const SequencePrefix = "seq-"
+
 // Frames says which moments of the scene a sequence shows. Frame n is centred on the time n / fps
 // seconds, in the time of the scene's keyframes: its shutter is open for angle / 360 / fps seconds,
 // half before and half after that time.

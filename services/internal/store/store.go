@@ -74,7 +74,7 @@ type Record struct {
 
 	User string `json:"user,omitempty"` // who submitted it
 	// FrameOf tells of the sequence that the job is a frame of; it never changes.
-	FrameOf *job.FrameOf `json:"frame_of,omitempty"`
+	FrameOf     *job.FrameOf `json:"frame_of,omitempty"`
 	Request     job.Request  `json:"request"`
 	State       job.State    `json:"state"`
 	Paused      bool         `json:"paused,omitempty"`

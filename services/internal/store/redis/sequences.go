@@ -75,7 +75,8 @@ func (s *Store) CreateSequence(ctx context.Context, c store.Claim, q store.Seque
 	}
 }
 
-// readSequencesScript reads sequences with the states of their jobs. Those that are gone are left out.
+// readSequencesScript reads sequences with the states of their jobs. Those that are gone are left out. Which
+// jobs it looks at the sequences say; their keys share the slot of all others.
 //
 //	KEYS[1]  sequence:ID of the first sequence, and so on
 //	ARGV[1]  what comes before the id in the key of a job
