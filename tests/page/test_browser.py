@@ -49,6 +49,7 @@ def test_the_heap_stays(farm: Farm, watched: Watched, request: pytest.FixtureReq
     tools = page.context.new_cdp_session(page)
     sizes, nodes = [], []
     for _ in range(SAMPLES):
+        # The time is what is measured against: no condition ends it.
         page.wait_for_timeout(60_000 * minutes / SAMPLES)
         tools.send("HeapProfiler.collectGarbage")
         sizes.append(tools.send("Runtime.getHeapUsage")["usedSize"] / MIB)

@@ -1,6 +1,7 @@
 """What people change by the page: jobs, workers, and who they are."""
 
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from farm import SCENES, Farm, run
-from watched import Watched
+from watched import PATIENCE, Watched
 
 SCENE = SCENES / "cornell-box" / "scene.xml"
 SMALL = {"width": 96, "height": 96, "integrator": "mmlt"}
@@ -101,9 +102,40 @@ def test_refining(farm: Farm, watched: Watched) -> None:
     assert farm.wait(job)["film_sha256"] == farm.wait(fresh)["film_sha256"]
 
 
+def wait_until_quiet(farm: Farm, watched: Watched, job: str) -> None:
+    """Until a paused job's last segments are in and the page shows its last round."""
+
+    def busy() -> bool:
+        workers = farm.get("/v1/workers").json()["workers"]
+        if any(worker["leased_segments"] for worker in workers):
+            return True
+        snapshot = farm.job(job)  # a round with all its segments is about to be closed
+        return bool(snapshot["round_segments_done"] == snapshot["round_segments"] > 0)
+
+    deadline = time.monotonic() + PATIENCE
+    while busy():
+        assert time.monotonic() < deadline, "the segments of a paused job do not end"
+        time.sleep(0.1)
+    rounds = farm.job(job)["rounds_done"]
+    if rounds > 0:
+        watched.picture(f"image srgb {rounds}")
+    expect(watched.page.locator("#progress-text")).to_contain_text(f"round {rounds + 1}")
+
+
+def requests_of_a_while(watched: Watched, seconds: int) -> list[str]:
+    """What the page asks for on its own account while its clock goes on so far at once."""
+    asked = len(watched.requests)
+    watched.page.clock.fast_forward(1000 * seconds)
+    watched.page.evaluate("() => fetch('/healthz')")  # comes after whatever was asked before it
+    *own, last = watched.requests[asked:]
+    assert last.endswith("/healthz")
+    return own
+
+
 def test_pause_priority_clone_and_keys(farm: Farm, watched: Watched) -> None:
     job = farm.submit(SCENE, **SMALL, name="first", stop={"time_seconds": 600})
     page = watched.page
+    page.clock.install()
     page.goto(farm.url)
     link = page.get_by_role("link", name="first", exact=True)
     link.focus()
@@ -115,10 +147,9 @@ def test_pause_priority_clone_and_keys(farm: Farm, watched: Watched) -> None:
     expect(page.locator("ol.log")).to_contain_text("priority changed from 0 to 7")
     assert farm.job(job)["request"]["priority"] == 7
 
-    page.wait_for_timeout(1500)  # what has been asked for comes
-    asked = len(watched.requests)
-    page.wait_for_timeout(4000)
-    assert watched.requests[asked:] == [], "the page asks although nothing happens"
+    wait_until_quiet(farm, watched, job)
+    # Less than the silence after which a stream counts as lost.
+    assert requests_of_a_while(watched, 20) == [], "the page asks although nothing happens"
     streams = [url for url in watched.requests if url.endswith(f"/{job}/events")]
     assert len(streams) == 1
 

@@ -9,6 +9,8 @@ from playwright.sync_api import Page
 from farm import ROOT
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
+# Seconds within which what should come at once must come.
+PATIENCE = 60
 
 
 class Watched:
@@ -34,6 +36,17 @@ class Watched:
             "(n) => Number(document.querySelector('.chart')?.dataset.points ?? 0) >= n",
             arg=at_least,
         )
+
+    def picture(self, drawn: str) -> str:
+        """The canvas once it shows what begins so: view, tone and round, as "image srgb 5"."""
+        shown = self.page.wait_for_function(
+            """(drawn) => {
+              const canvas = document.querySelector('#image')
+              return canvas?.dataset.drawn?.startsWith(drawn) ? canvas.toDataURL() : null
+            }""",
+            arg=drawn,
+        )
+        return str(shown.json_value())
 
     def elsewhere(self) -> list[str]:
         """Requests to anybody but this machine."""

@@ -273,7 +273,14 @@ function ImageCard({ job, page, state, actions }: Props) {
   const against = mode === 'slider' || mode === 'beside' || mode === 'difference'
   return (
     <Card title={`Image after round ${page.round}`} tools={tools} class="image">
-      <Viewer image={page.image} other={other} variance={variance} mode={mode} setMode={setMode}>
+      <Viewer
+        image={page.image}
+        round={page.round}
+        other={other}
+        variance={variance}
+        mode={mode}
+        setMode={setMode}
+      >
         {against && (
           <OtherPicker
             page={page}
