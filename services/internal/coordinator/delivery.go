@@ -64,7 +64,7 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
 		return nil
 	}
-	d.open()
+	d.open(unsound(d.header))
 	if d.verdict != nil {
 		return nil
 	}
@@ -76,12 +76,15 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 	return nil
 }
 
-// open checks the header against the job.
-func (d *Delivery) open() {
+// open checks the header against the job; damage is what is wrong with its checksums.
+func (d *Delivery) open(damage error) {
 	r := d.run
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	switch {
+	case damage != nil:
+		d.damaged(damage.Error())
+		return
 	case r.rec.State != job.Rendering || r.finishing != nil:
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
@@ -174,6 +177,10 @@ func (d *Delivery) judge(batch *merge.Batch) {
 	r := d.run
 	if !r.current(batch) {
 		d.supersede("a part of it was asked for before the job was refined")
+		return
+	}
+	if err := r.misplaced(batch); err != nil {
+		d.damaged(err.Error())
 		return
 	}
 	if _, err := r.state.Judge(batch); err != nil {

@@ -106,7 +106,7 @@ func (m *metrics) addKeeping() {
 	m.checkpointSeconds = m.histogram("metrofarm_checkpoint_seconds", "Time to write a checkpoint.")
 	m.checkpointBytes = m.counter("metrofarm_checkpoint_bytes_total", "Bytes of checkpoints that were written.")
 	m.checkpointFailures = m.counter("metrofarm_checkpoint_failures_total", "Checkpoints that could not be written.")
-	m.conflicts = m.counter("metrofarm_conflicts_total", "Times that a worker was flagged for a batch that cannot be right.")
+	m.conflicts = m.counter("metrofarm_conflicts_total", "Times that a worker was flagged for a batch or report that cannot be right.")
 	m.quarantines = m.counter("metrofarm_quarantines_total", "Times that a worker got no leases for a while: its film did not fit its own digests.")
 	m.excluded = m.counter("metrofarm_workers_excluded_total", "Workers that were found to render wrong and get no more work.")
 	m.taken = m.counter("metrofarm_jobs_taken_over_total", "Jobs without owner that this coordinator acquired.")

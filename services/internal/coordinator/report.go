@@ -7,6 +7,7 @@ import (
 	"log/slog"
 	"strings"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
 )
@@ -16,6 +17,9 @@ func (c *Coordinator) Report(_ context.Context, in *farmv1.ReportRequest) (*farm
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
+	}
+	if damage := checksum.Check(in); damage != nil {
+		return c.refuse(w, in, damage), nil
 	}
 	r := c.runOfTask(in.GetLease().GetTaskId())
 	if r == nil {

@@ -21,9 +21,9 @@ type worker struct {
 	lastContact                 time.Time
 	draining                    bool
 	activity                    string
-	conflicts                   int    // batches that cannot be right, or that another worker contradicts
+	conflicts                   int    // batches and reports that cannot be right, batches that another worker contradicts
 	exclusion                   string // why it gets no more work; empty if it does
-	damaged                     int    // batches that did not fit their own digests; halved by each that is merged
+	damaged                     int    // batches and reports that contradicted themselves; halved by each batch that is merged
 	quarantined                 time.Time
 	meter                       meter
 }
@@ -107,7 +107,7 @@ func (c *Coordinator) flag(id string) {
 	if w := c.workers[id]; w != nil {
 		w.conflicts++
 		c.metrics.conflicts.Inc()
-		c.log.Warn("worker delivered a conflicting batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
+		c.log.Warn("worker sent what cannot be right", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
 	}
 }
 

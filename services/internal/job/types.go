@@ -320,8 +320,8 @@ type Worker struct {
 	LeasedSegments     int       `json:"leased_segments"`
 	Activity           string    `json:"activity,omitempty"`
 	MutationsPerSecond float64   `json:"mutations_per_second"`
-	// Conflicts counts batches that cannot be right, or that another worker contradicts and no third
-	// has confirmed.
+	// Conflicts counts batches and reports that cannot be right, and batches that another worker
+	// contradicts and no third has confirmed.
 	Conflicts int `json:"conflicts"`
 	// Exclusion says why the worker gets no more work: it was found to render wrong.
 	Exclusion string `json:"exclusion,omitempty"`

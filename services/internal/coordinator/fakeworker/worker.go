@@ -16,6 +16,7 @@ import (
 	"google.golang.org/grpc/codes"
 	"google.golang.org/grpc/status"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
@@ -245,6 +246,11 @@ func (w *Worker) report(ctx context.Context, task *farmv1.Task) error {
 	case *farmv1.Task_KernelTrials:
 		request.Result = &farmv1.ReportRequest_KernelTrials{KernelTrials: tryKernels(work.KernelTrials)}
 	}
+	return w.sendReport(ctx, request)
+}
+
+func (w *Worker) sendReport(ctx context.Context, request *farmv1.ReportRequest) error {
+	request.Checksum = checksum.Of(request)
 	_, err := w.Client.Report(ctx, request)
 	return err
 }
@@ -321,13 +327,12 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 }
 
 func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error {
-	_, err := w.Client.Report(ctx, &farmv1.ReportRequest{
+	return w.sendReport(ctx, &farmv1.ReportRequest{
 		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
 		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
 			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
 		}},
 	})
-	return err
 }
 
 func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeader, []*farmv1.Tile, error) {
@@ -362,6 +367,7 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 			result.Digest += c.add(0, 0, 0, 0, 0, w.Lie)
 		}
 		result.Lease = &farmv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}
+		result.Checksum = checksum.Of(result)
 		header.Segments = append(header.Segments, result)
 		header.Digest += result.GetDigest()
 	}
