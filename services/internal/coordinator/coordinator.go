@@ -2,9 +2,9 @@
 // workers, merges what comes back, stops on complete rounds and survives its own death.
 //
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
-// and film. run.mu is taken before Coordinator.mu, never after it. Whole-film work (folding a
-// round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the one
-// housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
+// and film. run.mu is taken before Coordinator.mu, never after it, and the lock of the room for films
+// (room.go) last. Whole-film work (folding a round, hashing, developing, writing checkpoints) happens
+// on snapshots, off both locks, in the one housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
 // over jobs without owner (ownership.go).
 package coordinator
 
@@ -55,6 +55,12 @@ type Options struct {
 	Deliveries int
 	// MergeBudget is the memory, in bytes, of batches that are being read or held.
 	MergeBudget int64
+	// FilmsMemory is the memory, in bytes, that the films of all jobs together may take, as estimated;
+	// 0: no bound. A job beyond it waits, one that is larger than all of it is refused.
+	FilmsMemory int64
+	// ReadPatience is how long a request waits to read the checkpoint of a job that has ended, for an
+	// image or to refine it, while others do.
+	ReadPatience time.Duration
 	// InboundBytes is what all workers together should deliver per second at most.
 	InboundBytes int64
 	// CheckOneIn is the reciprocal of the share of segments that are rendered twice where two workers
@@ -80,6 +86,7 @@ const (
 	defaultDeliveries    = 8
 	defaultCheckPatience = 2 * time.Minute
 	defaultQuarantine    = time.Second
+	defaultReadPatience  = 20 * time.Second
 )
 
 // Defaults of what batches may take.
@@ -111,6 +118,10 @@ func (o *Options) setDefaults() {
 	setDefault(&o.CheckOneIn, check.OneIn)
 	setDefault(&o.CheckPatience, defaultCheckPatience)
 	setDefault(&o.Quarantine, defaultQuarantine)
+	setDefault(&o.ReadPatience, defaultReadPatience)
+	if films := uint64(o.FilmsMemory); films > 0 && (o.Limits.CoordinatorBytes == 0 || o.Limits.CoordinatorBytes > films) {
+		o.Limits.CoordinatorBytes = films
+	}
 }
 
 func setDefault[T comparable](value *T, fallback T) {
@@ -136,6 +147,8 @@ type Coordinator struct {
 	leases  atomic.Uint32
 	slots   chan struct{} // deliveries being read
 	merging *flow.Queue
+	room    *room         // for films
+	readers *readers      // of checkpoints of jobs that have ended
 	kick    chan struct{} // housekeeping has something to do
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
@@ -173,6 +186,8 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		options: options, log: options.Logger.With("coordinator", options.Member.ID), codec: codec,
 		slots:   make(chan struct{}, options.Deliveries),
 		merging: flow.NewQueue(options.MergeBudget),
+		room:    newRoom(options.FilmsMemory),
+		readers: newReaders(options.FilmsMemory),
 		kick:    make(chan struct{}, 1),
 		stopped: make(chan struct{}),
 		broken:  make(chan error, 1),

@@ -49,6 +49,7 @@ func (c *Coordinator) housekeep() {
 		r.sweep()
 		r.retire()
 	}
+	c.letIn()
 }
 
 // tick looks at the clock.

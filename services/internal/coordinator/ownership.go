@@ -166,6 +166,7 @@ func (c *Coordinator) remove(r *run) {
 		delete(c.jobs, r.id)
 	}
 	c.order = slices.DeleteFunc(c.order, func(o *run) bool { return o == r })
+	c.room.remove(r)
 }
 
 // insert makes a job one that this coordinator owns.
@@ -213,11 +214,17 @@ func (c *Coordinator) takeWaiting(ctx context.Context) error {
 	}
 	// Each begins with another job, so that several coordinators share them.
 	rand.Shuffle(len(ids), func(i, j int) { ids[i], ids[j] = ids[j], ids[i] })
+	c.room.keep(ids)
 	for _, id := range ids {
 		if ctx.Err() != nil {
 			return nil
 		}
 		if c.running(id) != nil { // its beat is late
+			continue
+		}
+		if takes, err := c.hasRoomFor(ctx, id); err != nil {
+			return err
+		} else if !takes {
 			continue
 		}
 		rec, epoch, err := c.options.Store.Acquire(ctx, c.claim(), id)
@@ -242,6 +249,7 @@ func (c *Coordinator) take(ctx context.Context, r *run) {
 		c.insert(r) // housekeeping retires it
 		return
 	}
+	c.room.force(r, r.rec.FilmBytes)
 	rec := r.rec
 	r.loading, r.rec.State, r.activity = true, job.Queued, "reading its checkpoint"
 	c.insert(r)
@@ -256,6 +264,11 @@ func (c *Coordinator) take(ctx context.Context, r *run) {
 		// Its checkpoint may be there later, or another coordinator may reach it.
 		c.log.Error("job cannot be taken over now", "job", r.id, "error", err)
 		c.drop(r)
+		return
+	}
+	if r.state != nil {
+		c.room.force(r, r.rec.FilmBytes) // records of earlier versions do not tell
+		r.leaveRoomIfGone()
 	}
 }
 

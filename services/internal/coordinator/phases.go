@@ -78,14 +78,19 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 		r.end(job.Done, "the scene was only to be inspected")
 		return nil
 	}
-	if !plan.RunsChains(spec) && spec.GetUnit() > 0 {
-		r.startRendering([film.Halves]tally.Sums{}, nil)
-	} else {
-		r.startSampling()
-		r.setState(job.Bootstrapping, "")
-	}
+	r.whenThereIsRoom(r.leaveInspection)
 	r.save()
 	return nil
+}
+
+// leaveInspection starts the phase after it. Requires: mu.
+func (r *run) leaveInspection() {
+	if !plan.RunsChains(r.spec) && r.spec.GetUnit() > 0 {
+		r.startRendering([film.Halves]tally.Sums{}, nil)
+		return
+	}
+	r.startSampling()
+	r.setState(job.Bootstrapping, "")
 }
 
 // sampled takes the values of one bootstrap range. Requires: mu.

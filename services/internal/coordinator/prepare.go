@@ -136,7 +136,13 @@ func (r *run) decide() {
 		r.warn(text)
 	}
 	r.publish("state", fmt.Sprintf("integrator %s: %s", request.Integrator, decision.GetReason()), nil)
-	r.startSampling()
+	r.clearTasks()
+	r.whenThereIsRoom(func() { // its film may have more layers than the pilot's
+		if r.rec.State == job.Queued {
+			r.setState(job.Bootstrapping, "")
+		}
+		r.startSampling()
+	})
 	r.save()
 }
 

@@ -58,6 +58,7 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	if r.rec.Refinements > 0 && !r.extend() {
 		return fmt.Errorf("%w: it has more rounds than the job asks for", checkpoint.ErrCorrupt)
 	}
+	r.rec.FilmBytes = r.needs()
 	return nil
 }
 

@@ -40,6 +40,7 @@ type run struct {
 	rec     store.Record
 	behind  bool     // the store has not all of rec; nothing is done until it has
 	loading bool     // its checkpoint is being read
+	parked  func()   // goes on with a job that waits for room; nil: it does not wait
 	garbage []string // blobs that the record does not name any more
 	tasks   map[string]taskKey
 	checks  checks

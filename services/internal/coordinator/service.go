@@ -142,6 +142,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 		change.Apply(&r.rec.Request)
 		if after := r.rec.Request; after.Priority != before.Priority {
 			r.publish("state", fmt.Sprintf("priority changed from %d to %d", before.Priority, after.Priority), nil)
+			if r.parked != nil {
+				c.room.wait(r, after.Priority, r.rec.FilmBytes)
+			}
 		} else if after.Name != before.Name {
 			r.publish("state", "renamed", nil)
 		}
@@ -151,6 +154,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 
 // Cancel implements api.Service.
 func (c *Coordinator) Cancel(ctx context.Context, id string) (job.Snapshot, error) {
+	if err := c.takeToCancel(ctx, id); err != nil {
+		return job.Snapshot{}, err
+	}
 	return c.alter(ctx, id, func(r *run) error {
 		r.end(job.Canceled, "canceled by the user")
 		return nil

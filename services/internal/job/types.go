@@ -199,11 +199,14 @@ type Snapshot struct {
 	PauseReason string `json:"pause_reason,omitempty"`
 	// QueuePosition among the jobs of its coordinator that have work for more workers: the next free
 	// one goes to 1. Absent if the job has none.
-	QueuePosition int        `json:"queue_position,omitempty"`
-	Error         string     `json:"error,omitempty"`
-	CreatedAt     time.Time  `json:"created_at"`
-	StartedAt     *time.Time `json:"started_at,omitempty"`
-	EndedAt       *time.Time `json:"ended_at,omitempty"`
+	QueuePosition int `json:"queue_position,omitempty"`
+	// WaitingForMemory: the job is queued until there is room for its film beside those of others;
+	// Activity has the sizes. Absent if it does not wait for that.
+	WaitingForMemory bool       `json:"waiting_for_memory,omitempty"`
+	Error            string     `json:"error,omitempty"`
+	CreatedAt        time.Time  `json:"created_at"`
+	StartedAt        *time.Time `json:"started_at,omitempty"`
+	EndedAt          *time.Time `json:"ended_at,omitempty"`
 	// StopReason says which rule ended the job, once it is done.
 	StopReason string `json:"stop_reason,omitempty"`
 	// Refinements counts how often the job went on with other stop rules, those of Request now.

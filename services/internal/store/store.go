@@ -93,6 +93,8 @@ type Record struct {
 	Refinements uint64 `json:"refinements,omitempty"`
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`
+	// FilmBytes is what its film and chains may take in a coordinator's memory; 0 before it is known.
+	FilmBytes int64 `json:"film_bytes,omitempty"`
 	// Checkpoint names the blob to resume from; empty before the first.
 	Checkpoint string `json:"checkpoint,omitempty"`
 	// Checkpoints counts those written so far, for names.
