@@ -1,6 +1,6 @@
 """Takes the pictures of the dashboard's document from a running coordinator.
 
-usage: screens.py URL FOLDER RUNNING_JOB DONE_JOB COMPARED_JOB...
+usage: PYTHONPATH=tests/e2e screens.py URL FOLDER RUNNING_JOB DONE_JOB COMPARED_JOB...
 """
 
 import sys

@@ -15,7 +15,7 @@ WORKERS = 200
 PAGE = 200
 SCENE = SCENES / "cornell-box" / "scene.xml"
 UPDATES = 4
-# What one update of everything may take at most on a loaded machine.
+# Milliseconds for which one update of everything may keep the page from answering.
 LONGEST_TASK = 1500
 
 

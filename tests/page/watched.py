@@ -1,6 +1,7 @@
 """A page whose complaints are kept."""
 
 import json
+import re
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -9,6 +10,8 @@ from playwright.sync_api import Page
 from farm import ROOT
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
+# What the browser says of a server that does not answer, or whose proxy does for it.
+ANSWERS_OF_NOBODY = re.compile("ERR_|status of 50[234]")
 # Seconds within which what should come at once must come.
 PATIENCE = 60
 
@@ -27,7 +30,7 @@ class Watched:
         page.on("console", lambda message: self._note(message.type, message.text))
 
     def _note(self, kind: str, text: str) -> None:
-        if kind in ("error", "warning") and not (self.down and "ERR_" in text):
+        if kind in ("error", "warning") and not (self.down and ANSWERS_OF_NOBODY.search(text)):
             self.complaints.append(text)
 
     def wait_for_points(self, at_least: int) -> None:

@@ -48,6 +48,7 @@ export interface WireJob {
   width?: number
   height?: number
   seed: number
+  refinements?: number
   rounds_done: number
   round_segments: number
   round_segments_done: number

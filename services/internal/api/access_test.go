@@ -111,6 +111,8 @@ func TestOperationsWithoutRolesAreRefused(t *testing.T) {
 type guarded struct {
 	*fixture
 	tokens map[auth.Role]string // the user of each is its role
+	file   string               // of the tokens
+	known  *auth.Tokens
 	log    *bytes.Buffer
 	now    time.Time
 }
@@ -135,6 +137,7 @@ func newGuarded(t *testing.T, change func(*api.Options)) *guarded {
 	if err != nil {
 		t.Fatal(err)
 	}
+	g.file, g.known = path, tokens
 	g.fixture = newFixtureWith(t, func(o *api.Options) {
 		o.Tokens, o.SessionKey, o.Now = tokens, make([]byte, 32), func() time.Time { return g.now }
 		o.Logger = slog.New(slog.NewTextHandler(g.log, &slog.HandlerOptions{Level: slog.LevelDebug}))
@@ -394,5 +397,50 @@ func TestAnswersTellBrowsersToBeStrict(t *testing.T) {
 	preflight := g.do("OPTIONS", "/v1/jobs", "", "Origin", "https://evil.example", "Access-Control-Request-Method", "POST")
 	if preflight.status < 400 || preflight.header.Get("Access-Control-Allow-Origin") != "" {
 		t.Errorf("preflight: %d, %v", preflight.status, preflight.header)
+	}
+}
+
+// A stream may be open for days: it ends when what let its reader in does.
+func TestStreamsEndWithTheTokenOfTheirReaders(t *testing.T) {
+	g := newGuarded(t, func(o *api.Options) { o.Now = time.Now }) // comments come by the clock
+	id := decode[job.Snapshot](t, g.as(auth.Submit, "POST", "/v1/jobs", request)).ID
+	signIn := g.as(auth.Read, "POST", "/v1/session", "")
+	cookie, _, _ := strings.Cut(signIn.header.Get("Set-Cookie"), ";")
+	shown := [][2]string{{"Authorization", "Bearer " + g.tokens[auth.Read]}, {"Cookie", cookie}}
+	ended := make(chan string)
+	kept := make(chan string)
+	for _, path := range []string{"/v1/events", "/v1/jobs/" + id + "/events"} {
+		for _, header := range shown {
+			go func() { ended <- g.readEvents(path, "(none)", header[0], header[1]) }()
+		}
+		go func() { kept <- g.readEvents(path, "event: gone", "Authorization", "Bearer "+g.tokens[auth.Admin]) }()
+	}
+	lines, err := os.ReadFile(g.file)
+	if err != nil {
+		t.Fatal(err)
+	}
+	_, others, _ := strings.Cut(string(lines), "\n") // the reader's is the first
+	if err := os.WriteFile(g.file, []byte(others), 0o600); err != nil {
+		t.Fatal(err)
+	}
+	time.AfterFunc(100*time.Millisecond, func() { _ = g.known.Reload() })
+	for range 4 {
+		select {
+		case text := <-ended:
+			if !strings.Contains(text, "event: ") {
+				t.Errorf("a stream ended before it told anything: %q", text)
+			}
+		case <-time.After(20 * time.Second):
+			t.Fatal("a stream outlives the token of its reader")
+		}
+	}
+	select {
+	case text := <-kept:
+		t.Errorf("the stream of another token ended: %q", text)
+	case <-time.After(100 * time.Millisecond): // five comments
+	}
+	g.server.CloseClientConnections()
+	for range 2 {
+		<-kept
 	}
 }

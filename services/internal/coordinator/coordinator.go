@@ -153,6 +153,8 @@ type Coordinator struct {
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
 
+	news news
+
 	submitMu sync.Mutex // taken before all others
 	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
 
@@ -199,7 +201,7 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		usualCost: firstCost,
 	}
 	c.metrics = newMetrics(c)
-	if err := c.beat(ctx); err != nil {
+	if err := errors.Join(c.beat(ctx), c.hearOfChanges(ctx)); err != nil {
 		return nil, fmt.Errorf("coordinator: %w", err)
 	}
 	return c, nil

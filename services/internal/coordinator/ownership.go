@@ -26,7 +26,8 @@ import (
 // it cannot store. If nobody has taken its jobs when the store is back it goes on where it was.
 //
 // Jobs that have ended, once all of them is stored, are nobody's: any coordinator shows them from the
-// store, and acquires them to delete them.
+// store, and acquires them to delete them or to let them go on. The store keeps a list of that, at which
+// all of them look as often as for jobs without owner: who follows such a job, or lists it, is told.
 
 const (
 	beatsPerTTL = 3
@@ -193,10 +194,10 @@ func (c *Coordinator) endLostStreams() {
 	}
 }
 
-// takeJobs takes over jobs without owner until ctx ends.
+// takeJobs takes over jobs without owner, and hears of those that want none, until ctx ends.
 func (c *Coordinator) takeJobs(ctx context.Context) {
 	for {
-		if err := c.takeWaiting(ctx); err != nil && ctx.Err() == nil {
+		if err := errors.Join(c.hearOfChanges(ctx), c.takeWaiting(ctx)); err != nil && ctx.Err() == nil {
 			c.trouble(err)
 		}
 		select {

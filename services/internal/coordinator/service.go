@@ -226,9 +226,19 @@ func (c *Coordinator) SceneReport(ctx context.Context, id string) (string, error
 
 // Events implements api.Service.
 func (c *Coordinator) Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error) {
+	// A job at rest may be deleted or go on elsewhere: what happens from now on ends the stream.
+	atRest, end := context.WithCancel(ctx)
+	stop := c.news.listen(id, end)
 	r, err := c.find(ctx, id)
 	if err != nil {
+		stop()
+		end()
 		return nil, nil, err
 	}
-	return r.follow(ctx, after)
+	if r.gone.Load() {
+		context.AfterFunc(ctx, stop)
+	} else {
+		stop() // its owner closes its streams
+	}
+	return r.follow(atRest, after)
 }

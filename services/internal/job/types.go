@@ -295,7 +295,8 @@ type ImageLayer struct {
 type Event struct {
 	// Sequence grows by one per event of a job, from 1; it is the SSE id.
 	Sequence uint64 `json:"sequence"`
-	// Kind is state, progress, round, image, warning, fault, anomaly or log.
+	// Kind is state, progress, round, image, warning, fault, anomaly or log; deleted is the last of a
+	// stream whose job was deleted.
 	Kind string `json:"kind"`
 	// At is when it happened.
 	At time.Time `json:"at"`

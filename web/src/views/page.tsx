@@ -31,6 +31,12 @@ export function Page({ app }: { app: App }) {
           The coordinator does not answer. What is shown may be old; the page keeps trying.
         </p>
       )}
+      {state.connection !== 'lost' && state.unread.size > 0 && (
+        <p class="stale" role="status">
+          Could not read {[...state.unread].join(', ')}. What is shown may be old; the page keeps
+          trying.
+        </p>
+      )}
       {state.message !== '' && (
         <p class="message" role="alert">
           {state.message}
