@@ -34,6 +34,8 @@ export interface WireAcceptance {
 export interface WireJob {
   id: string
   user?: string
+  /** What it is a frame of. */
+  sequence?: { id: string; frame: number }
   request: WireRequest
   state: string
   paused: boolean

@@ -184,6 +184,15 @@ func orphan(t *testing.T, room float64, busy bool) (left *site, id, own string, 
 	return second, id, own, p
 }
 
+// takenOver waits until a job is the second coordinator's and its checkpoint has been read there.
+func (p *pair) takenOver(by *site, id string) {
+	p.t.Helper()
+	p.eventually("taken over", func() bool {
+		_, err := by.c.Job(p.t.Context(), id)
+		return p.record(id).Owner.ID == "second" && err == nil
+	})
+}
+
 func TestAJobIsTakenOverWhenThereIsRoomForIt(t *testing.T) {
 	t.Parallel()
 	left, id, own, p := orphan(t, 1.5, true)
@@ -194,7 +203,7 @@ func TestAJobIsTakenOverWhenThereIsRoomForIt(t *testing.T) {
 	younger := left.submit(pathRequest(30))
 	left.awaitWaiting(younger)
 	left.cancelJob(own)
-	p.eventually("taken over", func() bool { return p.record(id).Owner.ID == "second" })
+	p.takenOver(left, id)
 	left.hasFilm(id)
 	left.awaitWaiting(younger) // came later
 	left.cancelJob(id)
@@ -204,7 +213,7 @@ func TestAJobIsTakenOverWhenThereIsRoomForIt(t *testing.T) {
 func TestAJobThatFitsNowhereIsTakenOverByWhoHasNoOther(t *testing.T) {
 	t.Parallel()
 	left, id, _, p := orphan(t, 0.5, false)
-	p.eventually("taken over", func() bool { return p.record(id).Owner.ID == "second" })
+	p.takenOver(left, id)
 	left.hasFilm(id)
 	left.cancelJob(id)
 }

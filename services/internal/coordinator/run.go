@@ -286,12 +286,14 @@ func (r *run) save() (saved bool) {
 	return false
 }
 
-// catchUp saves what is not saved yet, and tells whether the job may be acted on.
+// catchUp saves what is not saved yet, and tells whether the job may be acted on. Its tasks may have
+// waited for that.
 func (r *run) catchUp() bool {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.behind || len(r.events.unsaved) > 0 {
-		r.save()
+	held := r.behind
+	if (r.behind || len(r.events.unsaved) > 0) && r.save() && held {
+		r.c.announce()
 	}
 	return r.mayAct()
 }

@@ -28,6 +28,8 @@ export interface Job {
   id: string
   name: string
   user: string
+  /** What it is a frame of. */
+  sequence: { id: string; frame: number } | null
   request: WireRequest
   priority: number
   state: string
@@ -118,6 +120,7 @@ export function toJob(wire: WireJob): Job {
     id: wire.id,
     name: wire.request.name ?? wire.request.entry,
     user: wire.user ?? '',
+    sequence: wire.sequence ?? null,
     request: wire.request,
     priority: wire.request.priority ?? 0,
     state: wire.state,

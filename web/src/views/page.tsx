@@ -12,6 +12,7 @@ import { useStore } from '../store'
 import { ComparePage } from './compare'
 import { FarmPage } from './farm'
 import { JobView } from './job'
+import { SequencePage } from './sequence'
 import { SubmitPage } from './submit'
 
 const TITLE = 'Metrofarm'
@@ -58,6 +59,8 @@ function Content({ state, actions }: { state: State; actions: Actions }) {
       return <FarmPage state={state} actions={actions} />
     case 'job':
       return <JobView state={state} actions={actions} />
+    case 'sequence':
+      return <SequencePage state={state} id={state.route.id} />
     case 'submit':
       return <SubmitPage state={state} actions={actions} clone={state.route.clone} />
     case 'compare':
