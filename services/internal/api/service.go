@@ -36,6 +36,14 @@ type Service interface {
 	// rules it changes nothing; job.ErrInvalid if one asks for no more than there is. It is stored durably
 	// before it returns.
 	Refine(ctx context.Context, id string, stop job.StopRules) (job.Snapshot, error)
+	// SubmitSequence stores a sequence with a job for each of its frames, all of them or none, durably
+	// before it returns. Keys are as in Submit.
+	SubmitSequence(ctx context.Context, request job.SequenceRequest, idempotencyKey string) (job.Sequence, error)
+	// Sequence returns one sequence with its frames.
+	Sequence(ctx context.Context, id string) (job.Sequence, error)
+	// Sequences lists sequences, newest first and without their frames, starting after the one with id
+	// cursor ("" for the newest).
+	Sequences(ctx context.Context, cursor string, limit int) (sequences []job.Sequence, next string, err error)
 	// Convergence returns one point per complete round.
 	Convergence(ctx context.Context, id string) ([]job.ConvergencePoint, error)
 	// SceneReport returns what a worker found in the job's scene (metrofarm.scene.v1.SceneReport in
@@ -43,8 +51,12 @@ type Service interface {
 	SceneReport(ctx context.Context, id string) (string, error)
 	// Image develops the complete rounds so far; job.ErrNoImage before the first.
 	Image(ctx context.Context, id string) (job.Image, error)
+	// Deleted returns the jobs that were deleted since there were so many, and how many there are now:
+	// of this farm, and as far as this process has heard of it.
+	Deleted(after uint64) (ids []string, last uint64)
 	// Events returns the events with a sequence above after and a channel of those that follow,
-	// closed when ctx ends or when the reader falls too far behind (it then reconnects).
+	// closed when ctx ends, when the reader falls too far behind, and when a job that had ended goes on or
+	// is deleted (the reader then connects again).
 	Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error)
 	// Workers lists the workers that have been seen.
 	Workers(ctx context.Context) ([]job.Worker, error)

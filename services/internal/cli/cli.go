@@ -62,6 +62,8 @@ type FarmOptions struct {
 	Flow Flow
 	// Workers to start here, each with so many Threads.
 	Workers, Threads int
+	// SceneMemory is what the scenes of each of them may take, in bytes; 0: the worker's default.
+	SceneMemory int64
 	// WorkerProgram is needed when Workers is not 0.
 	WorkerProgram string
 	// OneJob: the farm lives for one job. A worker that keeps dying at its start ends it (otherwise
@@ -85,6 +87,8 @@ type Env struct {
 	Hangups func() <-chan os.Signal
 	// CPUs is the number of hardware threads.
 	CPUs int
+	// Memory that this process may use, in bytes; 0: not known.
+	Memory int64
 	// Version of this program.
 	Version string
 	// StartFarm starts a coordinator in this process.
@@ -98,23 +102,25 @@ type command struct {
 
 func commands() map[string]command {
 	return map[string]command{
-		"render":  {"SCENE -o OUT.exr [flags]", "render a scene on this machine", render},
-		"inspect": {"SCENE [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
-		"serve":   {"[flags]", "run a coordinator with REST interface and dashboard", serve},
-		"submit":  {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
-		"jobs":    {"[flags]", "list jobs", listJobs},
-		"job":     {"ID [flags]", "show one job", showJob},
-		"change":  {"ID... [flags]", "change the priority or the name of jobs that have not ended", changeJobs},
-		"cancel":  {"ID... [flags]", "end jobs; their images so far stay", act("cancel")},
-		"pause":   {"ID... [flags]", "stop handing out work of jobs", act("pause")},
-		"resume":  {"ID... [flags]", "go on with paused jobs", act("resume")},
-		"finish":  {"ID... [flags]", "make the round under way the last", act("finish")},
-		"refine":  {"ID [flags]", "let a job that has ended go on, to a lower error or more samples", refine},
-		"log":     {"ID [flags]", "show what happened to a job", showLog},
-		"workers": {"[flags]", "list workers", listWorkers},
-		"token":   {"read|submit|admin USER", "make a token for metrofarm serve --tokens", makeToken},
-		"certs":   {"DIR [flags]", "make certificates for trying TLS out", makeCertificates},
-		"version": {"", "print the version", printVersion},
+		"render":    {"SCENE -o OUT.exr [flags]", "render a scene on this machine", render},
+		"inspect":   {"SCENE [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
+		"serve":     {"[flags]", "run a coordinator with REST interface and dashboard", serve},
+		"submit":    {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
+		"jobs":      {"[flags]", "list jobs", listJobs},
+		"job":       {"ID [flags]", "show one job", showJob},
+		"sequences": {"[flags]", "list sequences of frames", listSequences},
+		"sequence":  {"ID [flags]", "show the frames of a sequence", showSequence},
+		"change":    {"ID... [flags]", "change the priority or the name of jobs that have not ended", changeJobs},
+		"cancel":    {"ID... [flags]", "end jobs, or whole sequences; their images so far stay", act("cancel")},
+		"pause":     {"ID... [flags]", "stop handing out work of jobs, or of whole sequences", act("pause")},
+		"resume":    {"ID... [flags]", "go on with paused jobs or sequences", act("resume")},
+		"finish":    {"ID... [flags]", "make the round under way the last", act("finish")},
+		"refine":    {"ID [flags]", "let a job that has ended go on, to a lower error or more samples", refine},
+		"log":       {"ID [flags]", "show what happened to a job", showLog},
+		"workers":   {"[flags]", "list workers", listWorkers},
+		"token":     {"read|submit|admin USER", "make a token for metrofarm serve --tokens", makeToken},
+		"certs":     {"DIR [flags]", "make certificates for trying TLS out", makeCertificates},
+		"version":   {"", "print the version", printVersion},
 	}
 }
 
@@ -156,7 +162,7 @@ func overview() string {
 	text.WriteString("Metrofarm renders scenes with Metropolis light transport.\n\n")
 	all := commands()
 	for _, name := range slices.Sorted(maps.Keys(all)) {
-		fmt.Fprintf(&text, "  metrofarm %-8s %-30s %s\n", name, all[name].usage, all[name].summary)
+		fmt.Fprintf(&text, "  metrofarm %-9s %-30s %s\n", name, all[name].usage, all[name].summary)
 	}
 	text.WriteString("\nmetrofarm COMMAND --help lists the flags of a command.\n")
 	return text.String()
@@ -177,11 +183,20 @@ func asUsage(err error) error {
 	if !errors.As(err, &field) {
 		return err
 	}
-	if field.Field == "resolved" {
+	if field.Field == "resolved" || field.Field == "job.resolved" {
 		return usagef("--resolved: %s", field.Detail)
 	}
+	name := strings.TrimPrefix(field.Field, "job.") // of a sequence's job
+	if name == "frames.start" || name == "frames.end" {
+		return usagef("--%s: %s %s", framesFlag, strings.TrimPrefix(name, "frames."), field.Detail)
+	}
 	for _, option := range job.Options() {
-		if option.Field == field.Field {
+		if option.Field == name {
+			return usagef("--%s: %s", option.Flag, field.Detail)
+		}
+	}
+	for _, option := range job.FrameOptions() {
+		if option.Field == name {
 			return usagef("--%s: %s", option.Flag, field.Detail)
 		}
 	}

@@ -27,10 +27,12 @@ func (c *Coordinator) Submit(ctx context.Context, request job.Request, key strin
 	if err := c.checkRequest(ctx, &request); err != nil {
 		return job.Snapshot{}, err
 	}
-	if len(key) > maxKeyBytes {
-		return job.Snapshot{}, &job.FieldError{Field: "Idempotency-Key", Detail: fmt.Sprintf("is longer than %d bytes", maxKeyBytes)}
+	if err := checkKey(key); err != nil {
+		return job.Snapshot{}, err
 	}
-	fingerprint, err := fingerprint(request)
+	unranked := request
+	unranked.Priority = 0
+	fingerprint, err := fingerprint(unranked)
 	if err != nil {
 		return job.Snapshot{}, err
 	}
@@ -88,9 +90,15 @@ func (c *Coordinator) checkRequest(ctx context.Context, r *job.Request) error {
 	return nil
 }
 
-// fingerprint of what a request asks for; its priority is no part of that.
-func fingerprint(request job.Request) (string, error) {
-	request.Priority = 0
+func checkKey(key string) error {
+	if len(key) > maxKeyBytes {
+		return &job.FieldError{Field: "Idempotency-Key", Detail: fmt.Sprintf("is longer than %d bytes", maxKeyBytes)}
+	}
+	return nil
+}
+
+// fingerprint of what a request asks for. A priority is no part of that: the caller leaves it out.
+func fingerprint(request any) (string, error) {
 	content, err := json.Marshal(request)
 	if err != nil {
 		return "", fmt.Errorf("submit: %w", err)
@@ -134,6 +142,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 		change.Apply(&r.rec.Request)
 		if after := r.rec.Request; after.Priority != before.Priority {
 			r.publish("state", fmt.Sprintf("priority changed from %d to %d", before.Priority, after.Priority), nil)
+			if r.parked != nil {
+				c.room.wait(r, after.Priority, r.rec.FilmBytes)
+			}
 		} else if after.Name != before.Name {
 			r.publish("state", "renamed", nil)
 		}
@@ -143,6 +154,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 
 // Cancel implements api.Service.
 func (c *Coordinator) Cancel(ctx context.Context, id string) (job.Snapshot, error) {
+	if err := c.takeToCancel(ctx, id); err != nil {
+		return job.Snapshot{}, err
+	}
 	return c.alter(ctx, id, func(r *run) error {
 		r.end(job.Canceled, "canceled by the user")
 		return nil
@@ -212,9 +226,19 @@ func (c *Coordinator) SceneReport(ctx context.Context, id string) (string, error
 
 // Events implements api.Service.
 func (c *Coordinator) Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error) {
+	// A job at rest may be deleted or go on elsewhere: what happens from now on ends the stream.
+	atRest, end := context.WithCancel(ctx)
+	stop := c.news.listen(id, end)
 	r, err := c.find(ctx, id)
 	if err != nil {
+		stop()
+		end()
 		return nil, nil, err
 	}
-	return r.follow(ctx, after)
+	if r.gone.Load() {
+		context.AfterFunc(ctx, stop)
+	} else {
+		stop() // its owner closes its streams
+	}
+	return r.follow(atRest, after)
 }

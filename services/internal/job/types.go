@@ -87,6 +87,18 @@ type Request struct {
 	Height int `json:"height,omitempty"`
 	// Seed of the job.
 	Seed uint64 `json:"seed,omitempty"`
+
+	// ShutterOpen and ShutterClose override the scene's, in seconds of its keyframes' time.
+	ShutterOpen  *float64 `json:"shutter_open,omitempty"`
+	ShutterClose *float64 `json:"shutter_close,omitempty"`
+	// ShutterCurve, with the ramps of a trapezoid as shares of the open time, is the efficiency.
+	ShutterCurve     ShutterCurve `json:"shutter_curve,omitempty"`
+	ShutterRampOpen  float64      `json:"shutter_ramp_open,omitempty"`
+	ShutterRampClose float64      `json:"shutter_ramp_close,omitempty"`
+	Exposure         string       `json:"exposure,omitempty"`
+	// RollingShutter is how many seconds the last row of pixels lags behind the first.
+	RollingShutter float64 `json:"rolling_shutter,omitempty"`
+
 	// Stop rules; whichever is met first. With none, the scene's sample count decides.
 	Stop StopRules `json:"stop"`
 	// Resolved repeats an earlier job: its resolved spec in protobuf JSON. All choices above are
@@ -177,19 +189,24 @@ type Technique struct {
 type Snapshot struct {
 	ID string `json:"id"`
 	// User who submitted it; empty where the server asks for no tokens.
-	User    string  `json:"user,omitempty"`
-	Request Request `json:"request"`
-	State   State   `json:"state"`
-	Paused  bool    `json:"paused"`
+	User string `json:"user,omitempty"`
+	// Sequence that the job is a frame of.
+	Sequence *FrameOf `json:"sequence,omitempty"`
+	Request  Request  `json:"request"`
+	State    State    `json:"state"`
+	Paused   bool     `json:"paused"`
 	// PauseReason says why the job paused itself and what to do; empty if the user paused it.
 	PauseReason string `json:"pause_reason,omitempty"`
 	// QueuePosition among the jobs of its coordinator that have work for more workers: the next free
 	// one goes to 1. Absent if the job has none.
-	QueuePosition int        `json:"queue_position,omitempty"`
-	Error         string     `json:"error,omitempty"`
-	CreatedAt     time.Time  `json:"created_at"`
-	StartedAt     *time.Time `json:"started_at,omitempty"`
-	EndedAt       *time.Time `json:"ended_at,omitempty"`
+	QueuePosition int `json:"queue_position,omitempty"`
+	// WaitingForMemory: the job is queued until there is room for its film beside those of others;
+	// Activity has the sizes. Absent if it does not wait for that.
+	WaitingForMemory bool       `json:"waiting_for_memory,omitempty"`
+	Error            string     `json:"error,omitempty"`
+	CreatedAt        time.Time  `json:"created_at"`
+	StartedAt        *time.Time `json:"started_at,omitempty"`
+	EndedAt          *time.Time `json:"ended_at,omitempty"`
 	// StopReason says which rule ended the job, once it is done.
 	StopReason string `json:"stop_reason,omitempty"`
 	// Refinements counts how often the job went on with other stop rules, those of Request now.
@@ -278,7 +295,8 @@ type ImageLayer struct {
 type Event struct {
 	// Sequence grows by one per event of a job, from 1; it is the SSE id.
 	Sequence uint64 `json:"sequence"`
-	// Kind is state, progress, round, image, warning, fault, anomaly or log.
+	// Kind is state, progress, round, image, warning, fault, anomaly or log; deleted is the last of a
+	// stream whose job was deleted.
 	Kind string `json:"kind"`
 	// At is when it happened.
 	At time.Time `json:"at"`
@@ -306,8 +324,8 @@ type Worker struct {
 	LeasedSegments     int       `json:"leased_segments"`
 	Activity           string    `json:"activity,omitempty"`
 	MutationsPerSecond float64   `json:"mutations_per_second"`
-	// Conflicts counts batches that cannot be right, or that another worker contradicts and no third
-	// has confirmed.
+	// Conflicts counts batches and reports that cannot be right, and batches that another worker
+	// contradicts and no third has confirmed.
 	Conflicts int `json:"conflicts"`
 	// Exclusion says why the worker gets no more work: it was found to render wrong.
 	Exclusion string `json:"exclusion,omitempty"`

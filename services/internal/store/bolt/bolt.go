@@ -13,6 +13,7 @@ import (
 	"os"
 	"path/filepath"
 	"slices"
+	"strconv"
 	"sync"
 	"time"
 
@@ -25,14 +26,16 @@ import (
 // openTimeout bounds the wait for another process that holds the file.
 const openTimeout = 2 * time.Second
 
-// Buckets. Events holds one bucket per job, keyed by big-endian sequence; order holds the ids by
-// big-endian number.
+// Buckets. Events holds one bucket per job, keyed by big-endian sequence; the orders hold the ids of
+// jobs and sequences by big-endian number.
 var (
-	jobsBucket   = []byte("jobs")
-	orderBucket  = []byte("order")
-	ownersBucket = []byte("owners")
-	keysBucket   = []byte("keys")
-	eventsBucket = []byte("events")
+	jobsBucket          = []byte("jobs")
+	orderBucket         = []byte("order")
+	ownersBucket        = []byte("owners")
+	keysBucket          = []byte("keys")
+	eventsBucket        = []byte("events")
+	sequencesBucket     = []byte("sequences")
+	sequenceOrderBucket = []byte("sequence order")
 )
 
 // Store is a store.Store in a file.
@@ -43,6 +46,8 @@ type Store struct {
 	mu      sync.Mutex // over each method; taken before a transaction
 	leases  map[string]lease
 	members map[string]membership
+	changes []store.Change // the latest, at most store.MaxChanges
+	changed uint64         // how many there were of this process
 }
 
 var _ store.Store = (*Store)(nil)
@@ -65,7 +70,7 @@ type ownership struct {
 
 // keyEntry remembers what an idempotency key was used for.
 type keyEntry struct {
-	Job         string `json:"job"`
+	ID          string `json:"job"` // of a job or a sequence
 	Fingerprint string `json:"fingerprint"`
 }
 
@@ -91,7 +96,9 @@ func Open(path string, now func() time.Time) (*Store, error) {
 }
 
 func createBuckets(tx *bbolt.Tx) error {
-	for _, name := range [][]byte{jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket} {
+	for _, name := range [][]byte{
+		jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket, sequencesBucket, sequenceOrderBucket,
+	} {
 		if _, err := tx.CreateBucketIfNotExists(name); err != nil {
 			return err
 		}
@@ -117,35 +124,23 @@ func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key,
 	s.mu.Lock()
 	defer s.mu.Unlock()
 	err = s.db.Update(func(tx *bbolt.Tx) error {
-		if key != "" {
-			found, err := findKey(tx, key, fingerprint, &stored)
-			created = found && stored.ID == r.ID // the same call again
-			if err != nil || found {
-				return err
-			}
-		}
-		if found, err := getJSON(tx.Bucket(jobsBucket), []byte(r.ID), &stored); err != nil || found {
-			created = found
-			return err
-		}
-		number, err := tx.Bucket(jobsBucket).NextSequence()
+		id, err := findKey(tx, key, fingerprint)
 		if err != nil {
 			return err
 		}
-		r.Number = number
+		if id == "" {
+			id = r.ID // the same call again may find it
+		}
+		found, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &stored)
+		created = found && id == r.ID
+		if err != nil || found {
+			return err
+		}
+		if err := insertJob(tx, &r); err != nil {
+			return err
+		}
 		stored, created = r, true
-		if key != "" {
-			if err := putJSON(tx.Bucket(keysBucket), []byte(key), keyEntry{r.ID, fingerprint}); err != nil {
-				return err
-			}
-		}
-		if err := tx.Bucket(orderBucket).Put(bigEndian(number), []byte(r.ID)); err != nil {
-			return err
-		}
-		if err := putJSON(tx.Bucket(ownersBucket), []byte(r.ID), ownership{Epoch: 1}); err != nil {
-			return err
-		}
-		return putJSON(tx.Bucket(jobsBucket), []byte(r.ID), r)
+		return putKey(tx, key, r.ID, fingerprint)
 	})
 	if err == nil && created {
 		s.leases[r.ID] = lease{c.Owner, s.now().Add(c.TTL)}
@@ -153,26 +148,49 @@ func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key,
 	return stored, created, wrap("create job", err)
 }
 
-func findKey(tx *bbolt.Tx, key, fingerprint string, into *store.Record) (bool, error) {
+// insertJob stores a new job and sets its number.
+func insertJob(tx *bbolt.Tx, r *store.Record) (err error) {
+	if r.Number, err = tx.Bucket(jobsBucket).NextSequence(); err != nil {
+		return err
+	}
+	id := []byte(r.ID)
+	if err := tx.Bucket(orderBucket).Put(bigEndian(r.Number), id); err != nil {
+		return err
+	}
+	if err := putJSON(tx.Bucket(ownersBucket), id, ownership{Epoch: 1}); err != nil {
+		return err
+	}
+	return putJSON(tx.Bucket(jobsBucket), id, r)
+}
+
+// findKey returns what an idempotency key was used for, "" for one that was not.
+func findKey(tx *bbolt.Tx, key, fingerprint string) (id string, err error) {
 	var entry keyEntry
 	found, err := getJSON(tx.Bucket(keysBucket), []byte(key), &entry)
-	if err != nil || !found {
-		return false, err
+	if found && err == nil && entry.Fingerprint != fingerprint {
+		err = store.ErrKeyReused
 	}
-	if entry.Fingerprint != fingerprint {
-		return false, store.ErrKeyReused
+	return entry.ID, err
+}
+
+// putKey remembers what an idempotency key was used for; an empty one nobody remembers.
+func putKey(tx *bbolt.Tx, key, id, fingerprint string) error {
+	if key == "" {
+		return nil
 	}
-	return getJSON(tx.Bucket(jobsBucket), []byte(entry.Job), into)
+	return putJSON(tx.Bucket(keysBucket), []byte(key), keyEntry{id, fingerprint})
 }
 
 // UpdateJob implements store.Store.
 func (s *Store) UpdateJob(_ context.Context, epoch uint64, r store.Record, events []job.Event) error {
 	s.mu.Lock()
 	defer s.mu.Unlock()
+	goesOn := false
 	err := s.update(epoch, r.ID, func(tx *bbolt.Tx, _ *ownership) error {
 		jobs := tx.Bucket(jobsBucket)
 		var old struct {
-			Revision uint64 `json:"revision"`
+			Revision uint64    `json:"revision"`
+			State    job.State `json:"state"`
 		}
 		if _, err := getJSON(jobs, []byte(r.ID), &old); err != nil {
 			return err
@@ -183,11 +201,15 @@ func (s *Store) UpdateJob(_ context.Context, epoch uint64, r store.Record, event
 		case r.Revision == old.Revision:
 			return nil
 		}
+		goesOn = old.State.Ended() && !r.State.Ended()
 		if err := putJSON(jobs, []byte(r.ID), r); err != nil || len(events) == 0 {
 			return err
 		}
 		return appendEvents(tx, r.ID, events)
 	})
+	if err == nil && goesOn {
+		s.note(store.Change{ID: r.ID})
+	}
 	return wrap("update job", err)
 }
 
@@ -239,6 +261,9 @@ func (s *Store) DeleteJob(_ context.Context, epoch uint64, id string) error {
 		if err := deleteKeysOf(tx.Bucket(keysBucket), id); err != nil {
 			return err
 		}
+		if err := leaveSequence(tx, r.FrameOf); err != nil {
+			return err
+		}
 		events := tx.Bucket(eventsBucket)
 		if events.Bucket([]byte(id)) == nil {
 			return nil
@@ -247,6 +272,7 @@ func (s *Store) DeleteJob(_ context.Context, epoch uint64, id string) error {
 	})
 	if err == nil {
 		delete(s.leases, id)
+		s.note(store.Change{ID: id, Deleted: true})
 	}
 	return wrap("delete job", err)
 }
@@ -258,7 +284,7 @@ func deleteKeysOf(keys *bbolt.Bucket, id string) error {
 		if err := json.Unmarshal(v, &entry); err != nil {
 			return err
 		}
-		if entry.Job == id {
+		if entry.ID == id {
 			stale = append(stale, slices.Clone(k))
 		}
 		return nil
@@ -292,14 +318,7 @@ func (s *Store) Jobs(_ context.Context, before uint64, limit int) ([]store.Owned
 	defer s.mu.Unlock()
 	var jobs []store.Owned
 	err := s.db.View(func(tx *bbolt.Tx) error {
-		cursor := tx.Bucket(orderBucket).Cursor()
-		k, id := cursor.Last()
-		if before > 0 {
-			if at, _ := cursor.Seek(bigEndian(before)); at != nil {
-				k, id = cursor.Prev()
-			}
-		}
-		for ; k != nil && len(jobs) < limit; k, id = cursor.Prev() {
+		for _, id := range page(tx.Bucket(orderBucket), before, limit) {
 			var r store.Record
 			if _, err := getJSON(tx.Bucket(jobsBucket), id, &r); err != nil {
 				return err
@@ -309,6 +328,27 @@ func (s *Store) Jobs(_ context.Context, before uint64, limit int) ([]store.Owned
 		return nil
 	})
 	return jobs, wrap("list jobs", err)
+}
+
+// JobsByID implements store.Store.
+func (s *Store) JobsByID(_ context.Context, ids []string) ([]store.Owned, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	var jobs []store.Owned
+	err := s.db.View(func(tx *bbolt.Tx) error {
+		for _, id := range ids {
+			var r store.Record
+			found, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &r)
+			if err != nil {
+				return err
+			}
+			if found {
+				jobs = append(jobs, store.Owned{Record: r, Owner: s.owner(id)})
+			}
+		}
+		return nil
+	})
+	return jobs, wrap("get jobs", err)
 }
 
 // Events implements store.Store.
@@ -330,6 +370,31 @@ func (s *Store) Events(_ context.Context, id string, after uint64) ([]job.Event,
 		return nil
 	})
 	return events, wrap("events", err)
+}
+
+// note keeps a change for those who ask; they are of this process as the marks are. Requires: mu.
+func (s *Store) note(change store.Change) {
+	s.changed++
+	s.changes = append(s.changes, change)
+	if extra := len(s.changes) - store.MaxChanges; extra > 0 {
+		s.changes = slices.Delete(s.changes, 0, extra)
+	}
+}
+
+// Changes implements store.Store. A mark is how many there were.
+func (s *Store) Changes(_ context.Context, mark string) ([]store.Change, string, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	next := strconv.FormatUint(s.changed, 10)
+	if mark == "" {
+		return nil, next, nil
+	}
+	seen, err := strconv.ParseUint(mark, 10, 64)
+	if err != nil {
+		return nil, "", wrap("changes", err)
+	}
+	fresh := min(int(s.changed-seen), len(s.changes))
+	return slices.Clone(s.changes[len(s.changes)-fresh:]), next, nil
 }
 
 func bigEndian(n uint64) []byte { return binary.BigEndian.AppendUint64(nil, n) }
