@@ -26,7 +26,7 @@ struct MeshRequest {
   MeshFormat format = MeshFormat::kObj;
   int64_t shape_index = 0;  // serialized files only
   MeshOptions options = {};
-  size_t shape = 0;      // index into the scene's shapes
+  size_t shape = 0;  // index into the scene's shapes
   // Of a mesh that deforms: the keys of one shape are requested one after the other, from 0 on.
   std::optional<size_t> key = {};
   SourceLocation where;  // of the file's name
