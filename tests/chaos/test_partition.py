@@ -54,10 +54,14 @@ def test_a_worker_is_cut_off(make_stage: MakeStage, namespace: Namespace, tmp_pa
     namespace.pull()
     cut = time.time()
     wait_until(lambda: expired(stage) > 0, 30, "its leases run out")
+    rest.wait_for_rounds(job, rest.job(job)["rounds_done"] + 1)  # others have rendered its part
+    # So that the job lasts until the worker is back.
+    assert rest.post(f"/v1/jobs/{job}/pause").json()["paused"]
     time.sleep(max(0.0, cut + 22 - time.time()))
     namespace.plug()
-    snapshot = rest.wait(job, timeout=240)
     check_late_deliveries(stage, cut)
+    rest.post(f"/v1/jobs/{job}/resume")
+    snapshot = rest.wait(job, timeout=240)
     assert result_of(snapshot) == expected
     assert stage.died() == []
 

@@ -1,6 +1,8 @@
 """How long it takes until work goes on after a loss, by the times that the farm's own log has."""
 
 import json
+import os
+import signal
 import time
 from datetime import datetime
 from typing import Any
@@ -8,7 +10,7 @@ from typing import Any
 from conftest import MakeStage
 
 from orders import SCENE, request_of
-from stage import Coordinator, Part, Stage, wait_until
+from stage import Coordinator, Stage, wait_until
 
 # From the last that a coordinator heard of a worker until what it held is leased to another: a
 # lease of 12 s and the next request. The coordinator measures it, so only its own delay counts.
@@ -18,6 +20,8 @@ LEASED_AGAIN = 15.0
 # others load gets the rest of the 15 s that are promised at most.
 TAKEN_OVER = 8.0
 LOADED = 7.0
+# After which what a worker had sent when it was stopped has been taken in.
+SENT = 0.5
 # For what is not measured.
 PATIENCE = 120.0
 
@@ -34,17 +38,25 @@ def seconds(record: dict[str, Any]) -> float:
     return datetime.fromisoformat(record["timestamp"]).timestamp()
 
 
-def holder(stage: Stage, rest: Coordinator) -> Part:
-    """A worker that holds leases of a coordinator's jobs."""
-    names: list[str] = []
+def holds(rest: Coordinator, name: str) -> bool:
+    workers = rest.get("/v1/workers").json()["workers"]
+    return any(w["name"] == name and w["leased_segments"] > 0 for w in workers)
 
-    def found() -> bool:
-        workers = rest.get("/v1/workers").json()["workers"]
-        names[:] = [w["name"] for w in workers if w["leased_segments"] > 0]
-        return names != []
 
-    wait_until(found, PATIENCE, "a worker holds leases")
-    return stage.parts[names[0]]
+def kill_a_holder(stage: Stage, rest: Coordinator) -> None:
+    """Kill a worker that holds leases of a coordinator's jobs."""
+
+    def caught() -> bool:
+        for worker in stage.workers:
+            os.kill(worker.pid, signal.SIGSTOP)
+            time.sleep(SENT)
+            if holds(rest, worker.name):
+                worker.kill()
+                return True
+            os.kill(worker.pid, signal.SIGCONT)
+        return False
+
+    wait_until(caught, PATIENCE, "a worker holds leases")
 
 
 def test_work_goes_on_in_time(make_stage: MakeStage) -> None:
@@ -59,7 +71,7 @@ def test_work_goes_on_in_time(make_stage: MakeStage) -> None:
 
 
 def check_loss_of_a_worker(stage: Stage, owner: Coordinator, jobs: list[str]) -> None:
-    holder(stage, owner).kill()
+    kill_a_holder(stage, owner)
 
     def leased_again() -> list[float]:
         records = [r for job in jobs for r in log_of(owner, job)]
