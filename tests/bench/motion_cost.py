@@ -5,8 +5,8 @@ usage: motion_cost.py [--repeat N] [--worker FILE]
 
 A room with 25 bumpy balls of 28,800 triangles each, as instances of one group, or each ball a
 mesh of its own. They stand; or they drift and turn, between 2 keys or through 32. Prints for each,
-beside standing still: time per ray of the whole path tracer and of the bare ray tracer on the same paths
-(CPU time, medians of N runs taken in turn), and the bytes that the scene holds.
+beside standing still: time per ray of the whole path tracer and of the bare ray tracer on the same
+paths (CPU time, medians of N runs taken in turn), and the bytes that the scene holds.
 Sources: `metrofarm-worker bench`, which says what its figures are.
 """
 
