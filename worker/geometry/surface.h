@@ -1,6 +1,7 @@
 // The surface at a hit: position, normals, and how far a new ray must start from it.
 #pragma once
 
+#include "geometry/placements.h"
 #include "geometry/primitives.h"
 #include "geometry/tracer.h"
 #include "math/warp.h"
@@ -31,18 +32,20 @@ struct Surface {
 };
 
 // Fills lanes where hits.hit; the others are unspecified and may hold NaN.
-Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
-                   const Vec3& direction, SurfaceNeeds needs);
+Surface surface_at(const Primitives& primitives, const Placements& placements, const RayHits& hits,
+                   const Vec3& origin, const Vec3& direction, SurfaceNeeds needs);
 
-// A point of a shape outside groups.
+// A point of a shape, in the space of its group.
 struct TrianglePoint {
   Vec3 position;
   Vec3 normal;   // unit, before flip_normals: by the winding, or outwards
   Float offset;  // see Surface
 };
-// The point at barycentric coordinates (b1, b2) of a triangle.
-TrianglePoint point_on_triangle(const Primitives& primitives, Int triangle, Float b1, Float b2,
-                                Mask lanes);
+// The point at barycentric coordinates (b1, b2) of a triangle, at its shape's time; area, if given,
+// is that of the triangle then.
+TrianglePoint point_on_triangle(const Primitives& primitives, const Placements& placements,
+                                Int triangle, Vec2 barycentric, Float time, Mask lanes,
+                                Float* area = nullptr);
 // The point at surface coordinates (u, v) of a cylinder, uniform by area where they are uniform.
 TrianglePoint point_on_cylinder(const Primitives& primitives, Int primitive, Vec2 uv, Mask lanes);
 

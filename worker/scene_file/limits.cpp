@@ -78,6 +78,10 @@ Box box_of(const scene::Shape& shape) {
     for (size_t i = 0; i + 2 < mesh->positions.size(); i += 3) {
       box.add(Point{mesh->positions[i], mesh->positions[i + 1], mesh->positions[i + 2]});
     }
+    for (const scene::VertexKey& key : mesh->keys) {
+      for (size_t i = 0; i + 2 < key.positions.size(); i += 3)
+        box.add(Point{key.positions[i], key.positions[i + 1], key.positions[i + 2]});
+    }
   } else if (const auto* sphere = std::get_if<scene::Sphere>(&shape.geometry)) {
     for (double r : {-sphere->radius, sphere->radius}) {
       box.add(Point{sphere->center[0] + r, sphere->center[1] + r, sphere->center[2] + r});
@@ -97,11 +101,19 @@ std::optional<Error> check_extent(const Box& box, const char* what, const Source
                where};
 }
 
+std::optional<Error> check_motion(const Box& box, const scene::Motion& motion, const char* what,
+                                  const SourceLocation& where) {
+  for (const scene::Keyframe& key : motion.keys)
+    if (auto error = check_extent(box.under(key.to_world), what, where)) return error;
+  return std::nullopt;
+}
+
 std::optional<Error> check_extents(const scene::SceneDescription& scene) {
   std::vector<Box> groups;
   for (const scene::Shape& shape : scene.shapes) {
     const Box box = box_of(shape);
     if (auto error = check_extent(box, "the shape", shape.where)) return error;
+    if (auto error = check_motion(box, shape.motion, "the shape", shape.where)) return error;
     if (shape.group == scene::kNone) continue;
     const auto group = static_cast<size_t>(shape.group);
     if (group >= groups.size()) groups.resize(group + 1);
@@ -112,6 +124,8 @@ std::optional<Error> check_extents(const scene::SceneDescription& scene) {
     if (group >= groups.size()) continue;
     const Box box = groups[group].under(instance.to_world);
     if (auto error = check_extent(box, "the instance", instance.where)) return error;
+    if (auto error = check_motion(box, instance.motion, "the instance", instance.where))
+      return error;
   }
   return std::nullopt;
 }

@@ -82,7 +82,7 @@ class SceneCacheTest : public testing::Test {
 
 TEST_F(SceneCacheTest, AScenePassesItsMemoryOnToTheNext) {
   auto large = cache(uint64_t{1} << 30);
-  const uint64_t bytes = load(large)->scene->bytes().total();
+  const uint64_t bytes = load(large)->scene().bytes().total();
   auto tight = cache(bytes * 19 / 10);
   EXPECT_FALSE(stays(tight)) << "two of them would take more than the memory for scenes";
 }
