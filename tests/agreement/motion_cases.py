@@ -16,6 +16,8 @@ class MotionCase:
     times: tuple[float, ...]
     # Samples per pixel of one of the reference's renders of one instant.
     instant_spp: int = 16
+    # What the power asserted is multiplied by, where light is hard to find.
+    difficulty: float = 1.0
 
     @property
     def scene(self) -> Path:
@@ -37,5 +39,5 @@ MOTION_CASES = [
     MotionCase("camera", (0.0, 0.3, 0.5, 0.9, 2.0)),
     MotionCase("cloth", (0.0, 0.1, 0.5, 0.6, 1.0)),
     MotionCase("curves", (0.2, 0.7, 1.2, 1.6, 2.1)),
-    MotionCase("caustic", (0.0, 0.3, 0.5, 0.8, 1.0), instant_spp=32),
+    MotionCase("caustic", (0.0, 0.3, 0.5, 0.8, 1.0), instant_spp=32, difficulty=4.0),
 ]
