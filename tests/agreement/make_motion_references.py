@@ -9,8 +9,8 @@ run, at a random time in each of so many equal parts of the shutter's time. Thei
 has the blurred image as its expectation, whatever lies between the instants; what the choice of
 times adds to the error is between the runs like all other noise.
 
-scalar_rgb: a scene of 48 x 32 pixels is rendered before the llvm variant has traced its program. The
-scenes have box filters, which it evaluates exactly.
+scalar_rgb: a scene of 48 x 32 pixels is rendered before the llvm variant has traced its program.
+The scenes have box filters, which it evaluates exactly.
 """
 
 import argparse

@@ -15,7 +15,7 @@ INSTANTS = 20_001
 
 @dataclass(frozen=True)
 class Shutter:
-    """When it is open (seconds), how far over that time (0 to 1), and what it does with the light."""
+    """When it is open (seconds), how far over that time (0 to 1), and what becomes of the light."""
 
     opens: float = 0.0
     closes: float = 1.0

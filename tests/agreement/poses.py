@@ -1,8 +1,8 @@
 """Poses of moving scenes by hand: what a scene of Mitsuba 3 shows at one instant, without motion.
 
-Every <animation> becomes a <transform> with one matrix and every deforming mesh a .ply file, so that
-the result loads in Mitsuba too. Written from what worker/doc/scene-format.md says of motion, with
-SciPy's polar decomposition and rotations: nothing is shared with the renderer.
+Every <animation> becomes a <transform> with one matrix and every deforming mesh a .ply file, so
+that the result loads in Mitsuba too. Written from what worker/doc/scene-format.md says of motion,
+with SciPy's polar decomposition and rotations: nothing is shared with the renderer.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -193,7 +193,7 @@ def pose_mesh(shape: Element, time: float, source: Path, target: Path) -> None:
 
 
 def write_posed(scene: Path, time: float, folder: Path) -> Path:
-    """Writes the scene as it is at this time, with what it needs, into a folder; returns its path."""
+    """Writes the scene as it is at a time, with what it needs, into a folder; returns its path."""
     document = ElementTree.parse(scene)
     root = document.getroot()
     for element in root.iter():

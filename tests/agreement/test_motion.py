@@ -2,11 +2,11 @@
 closed forms.
 
 H0, per test: in every tile and channel, the mean of our image is that of the reference. Statistic
-and threshold: see tiles.py; 16 replicas of ours with seeds 1 to 16, so a test that passes once passes
-always with the same build; a false alarm has probability 1e-3 per test. References: 32 runs of 64
-random instants each for blurred images, 16 runs for each instant (make_motion_references.py); closed
-forms are exact (motion_truths.py). Every test also asserts its power: the relative difference that
-the median tile would reveal with probability 1/2.
+and threshold: see tiles.py; 16 replicas of ours with seeds 1 to 16, so a test that passes once
+passes always with the same build; a false alarm has probability 1e-3 per test. References: 32 runs
+of 64 random instants each for blurred images, 16 runs for each instant (make_motion_references.py);
+closed forms are exact (motion_truths.py). Every test also asserts its power: the relative
+difference that the median tile would reveal with probability 1/2.
 """
 
 from collections.abc import Callable
@@ -28,8 +28,8 @@ Replicas = Callable[[Settings], list[np.ndarray]]
 
 @dataclass(frozen=True)
 class Way:
-    """A way to render; per_pixel are its samples or mutations in the short form, times 4 in the long
-    one."""
+    """A way to render; per_pixel are its samples or mutations in the short form, a quarter of the
+    long one's."""
 
     name: str
     integrator: str

@@ -217,7 +217,7 @@ def lamps(room: int) -> Mesh:
 
 
 def cloth(key: int) -> Mesh:
-    """A sheet, 2 wide and 1.3 high, at one of five keys of a wave that runs through it and swells."""
+    """A sheet, 2 wide and 1.3 high, at one of five keys of a wave that runs and swells."""
     columns, rows = 24, 12
     mesh = Mesh([], [], [])
     phase, swing = 0.5 * math.pi * key, 0.2 + 0.03 * key
