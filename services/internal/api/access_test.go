@@ -47,6 +47,8 @@ var routeRoles = map[string]auth.Role{
 	"GET /v1/jobs/{id}/scene":       auth.Read,
 	"GET /v1/scenes":                auth.Read,
 	"GET /v1/scenes/{sha256}":       auth.Read,
+	"GET /v1/sequences":             auth.Read,
+	"GET /v1/sequences/{id}":        auth.Read,
 	"GET /v1/session":               auth.Read,
 	"POST /v1/session":              auth.Read,
 	"DELETE /v1/session":            auth.Read,
@@ -61,6 +63,12 @@ var routeRoles = map[string]auth.Role{
 	"POST /v1/jobs/{id}/pause":  auth.Submit,
 	"POST /v1/jobs/{id}/resume": auth.Submit,
 	"POST /v1/scenes":           auth.Submit,
+
+	"POST /v1/sequences":             auth.Submit,
+	"DELETE /v1/sequences/{id}":      auth.Submit, // one's own
+	"POST /v1/sequences/{id}/cancel": auth.Submit,
+	"POST /v1/sequences/{id}/pause":  auth.Submit,
+	"POST /v1/sequences/{id}/resume": auth.Submit,
 
 	"POST /v1/workers/{id}/drain": auth.Admin,
 }

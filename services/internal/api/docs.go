@@ -128,6 +128,12 @@ func typeName(schema *huma.Schema) string {
 		return schema.Ref[strings.LastIndex(schema.Ref, "/")+1:]
 	case schema.Type == huma.TypeArray && schema.Items != nil:
 		return typeName(schema.Items) + "[]"
+	case len(schema.OneOf) > 0:
+		var names []string
+		for _, one := range schema.OneOf {
+			names = append(names, typeName(one))
+		}
+		return strings.Join(names, " or ")
 	default:
 		return schema.Type
 	}

@@ -90,23 +90,29 @@ func relaxRequest(document *huma.OpenAPI) {
 	schemas := document.Components.Schemas.Map()
 	schema := schemas["Request"]
 	schema.Required = []string{"scene", "entry"}
+	schema.Properties["shutter_curve"] = &huma.Schema{OneOf: []*huma.Schema{
+		{Type: huma.TypeString}, {Type: huma.TypeArray, Items: &huma.Schema{Type: huma.TypeNumber}},
+	}}
 	for _, option := range job.Options() {
 		owner, name := schema, option.Field
 		if rest, nested := strings.CutPrefix(option.Field, "stop."); nested {
 			owner, name = schemas["StopRules"], rest
 		}
-		property := owner.Properties[name]
-		property.Description = option.Help()
-		if len(option.Choices) > 0 {
-			property.Description += ": " + strings.Join(option.Choices, ", ")
-		}
-		property.Extensions = optionExtensions(option)
+		describeOption(owner.Properties[name], option)
 	}
 	schema.PrecomputeMessages()
 }
 
+func describeOption[T any](property *huma.Schema, option job.OptionOf[T]) {
+	property.Description = option.Help()
+	if len(option.Choices) > 0 {
+		property.Description += ": " + strings.Join(option.Choices, ", ")
+	}
+	property.Extensions = optionExtensions(option)
+}
+
 // optionExtensions tell forms what an option is; an enum would refuse values with words of its own.
-func optionExtensions(option job.Option) map[string]any {
+func optionExtensions[T any](option job.OptionOf[T]) map[string]any {
 	extensions := map[string]any{"x-summary": option.Text}
 	if len(option.Choices) > 0 {
 		extensions["x-choices"] = option.Choices
@@ -196,8 +202,12 @@ func (s *server) checkOwn(ctx context.Context, id, doing string) error {
 	if err != nil {
 		return s.fail(ctx, err)
 	}
-	if who := auth.From(ctx); who.User != snapshot.User && !who.Role.Includes(auth.Admin) {
-		return huma.Error403Forbidden("this is a job of " + cmp.Or(snapshot.User, "nobody in particular") + "; " + doing + " it needs the role admin")
+	return checkOwner(ctx, snapshot.User, "job", doing)
+}
+
+func checkOwner(ctx context.Context, owner, what, doing string) error {
+	if who := auth.From(ctx); who.User != owner && !who.Role.Includes(auth.Admin) {
+		return huma.Error403Forbidden("this is a " + what + " of " + cmp.Or(owner, "nobody in particular") + "; " + doing + " it needs the role admin")
 	}
 	return nil
 }

@@ -176,6 +176,7 @@ func (s *server) register(api huma.API) error {
 	s.registerJobs(api)
 	s.registerActions(api)
 	s.registerRefine(api)
+	s.registerSequences(api)
 	s.registerDetails(api)
 	s.registerLog(api)
 	s.registerImages(api)

@@ -36,6 +36,14 @@ type Service interface {
 	// rules it changes nothing; job.ErrInvalid if one asks for no more than there is. It is stored durably
 	// before it returns.
 	Refine(ctx context.Context, id string, stop job.StopRules) (job.Snapshot, error)
+	// SubmitSequence stores a sequence with a job for each of its frames, all of them or none, durably
+	// before it returns. Keys are as in Submit.
+	SubmitSequence(ctx context.Context, request job.SequenceRequest, idempotencyKey string) (job.Sequence, error)
+	// Sequence returns one sequence with its frames.
+	Sequence(ctx context.Context, id string) (job.Sequence, error)
+	// Sequences lists sequences, newest first and without their frames, starting after the one with id
+	// cursor ("" for the newest).
+	Sequences(ctx context.Context, cursor string, limit int) (sequences []job.Sequence, next string, err error)
 	// Convergence returns one point per complete round.
 	Convergence(ctx context.Context, id string) ([]job.ConvergencePoint, error)
 	// SceneReport returns what a worker found in the job's scene (metrofarm.scene.v1.SceneReport in

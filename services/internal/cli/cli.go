@@ -98,23 +98,25 @@ type command struct {
 
 func commands() map[string]command {
 	return map[string]command{
-		"render":  {"SCENE -o OUT.exr [flags]", "render a scene on this machine", render},
-		"inspect": {"SCENE [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
-		"serve":   {"[flags]", "run a coordinator with REST interface and dashboard", serve},
-		"submit":  {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
-		"jobs":    {"[flags]", "list jobs", listJobs},
-		"job":     {"ID [flags]", "show one job", showJob},
-		"change":  {"ID... [flags]", "change the priority or the name of jobs that have not ended", changeJobs},
-		"cancel":  {"ID... [flags]", "end jobs; their images so far stay", act("cancel")},
-		"pause":   {"ID... [flags]", "stop handing out work of jobs", act("pause")},
-		"resume":  {"ID... [flags]", "go on with paused jobs", act("resume")},
-		"finish":  {"ID... [flags]", "make the round under way the last", act("finish")},
-		"refine":  {"ID [flags]", "let a job that has ended go on, to a lower error or more samples", refine},
-		"log":     {"ID [flags]", "show what happened to a job", showLog},
-		"workers": {"[flags]", "list workers", listWorkers},
-		"token":   {"read|submit|admin USER", "make a token for metrofarm serve --tokens", makeToken},
-		"certs":   {"DIR [flags]", "make certificates for trying TLS out", makeCertificates},
-		"version": {"", "print the version", printVersion},
+		"render":    {"SCENE -o OUT.exr [flags]", "render a scene on this machine", render},
+		"inspect":   {"SCENE [flags]", "say what is in a scene, what it takes and what it warns of", inspect},
+		"serve":     {"[flags]", "run a coordinator with REST interface and dashboard", serve},
+		"submit":    {"SCENE|BUNDLE.zip [flags]", "send a scene to a coordinator", submit},
+		"jobs":      {"[flags]", "list jobs", listJobs},
+		"job":       {"ID [flags]", "show one job", showJob},
+		"sequences": {"[flags]", "list sequences of frames", listSequences},
+		"sequence":  {"ID [flags]", "show the frames of a sequence", showSequence},
+		"change":    {"ID... [flags]", "change the priority or the name of jobs that have not ended", changeJobs},
+		"cancel":    {"ID... [flags]", "end jobs, or whole sequences; their images so far stay", act("cancel")},
+		"pause":     {"ID... [flags]", "stop handing out work of jobs, or of whole sequences", act("pause")},
+		"resume":    {"ID... [flags]", "go on with paused jobs or sequences", act("resume")},
+		"finish":    {"ID... [flags]", "make the round under way the last", act("finish")},
+		"refine":    {"ID [flags]", "let a job that has ended go on, to a lower error or more samples", refine},
+		"log":       {"ID [flags]", "show what happened to a job", showLog},
+		"workers":   {"[flags]", "list workers", listWorkers},
+		"token":     {"read|submit|admin USER", "make a token for metrofarm serve --tokens", makeToken},
+		"certs":     {"DIR [flags]", "make certificates for trying TLS out", makeCertificates},
+		"version":   {"", "print the version", printVersion},
 	}
 }
 
@@ -156,7 +158,7 @@ func overview() string {
 	text.WriteString("Metrofarm renders scenes with Metropolis light transport.\n\n")
 	all := commands()
 	for _, name := range slices.Sorted(maps.Keys(all)) {
-		fmt.Fprintf(&text, "  metrofarm %-8s %-30s %s\n", name, all[name].usage, all[name].summary)
+		fmt.Fprintf(&text, "  metrofarm %-9s %-30s %s\n", name, all[name].usage, all[name].summary)
 	}
 	text.WriteString("\nmetrofarm COMMAND --help lists the flags of a command.\n")
 	return text.String()
@@ -177,11 +179,20 @@ func asUsage(err error) error {
 	if !errors.As(err, &field) {
 		return err
 	}
-	if field.Field == "resolved" {
+	if field.Field == "resolved" || field.Field == "job.resolved" {
 		return usagef("--resolved: %s", field.Detail)
 	}
+	name := strings.TrimPrefix(field.Field, "job.") // of a sequence's job
+	if name == "frames.start" || name == "frames.end" {
+		return usagef("--%s: %s %s", framesFlag, strings.TrimPrefix(name, "frames."), field.Detail)
+	}
 	for _, option := range job.Options() {
-		if option.Field == field.Field {
+		if option.Field == name {
+			return usagef("--%s: %s", option.Flag, field.Detail)
+		}
+	}
+	for _, option := range job.FrameOptions() {
+		if option.Field == name {
 			return usagef("--%s: %s", option.Flag, field.Detail)
 		}
 	}

@@ -98,7 +98,7 @@ type requestFlags struct {
 
 func (r *requestFlags) register(f *flags) {
 	for _, option := range job.Options() {
-		r.registerOption(f, option)
+		registerOption(f, option, &r.request, r.set)
 	}
 	f.StringVar(&r.resolvedPath, "resolved", "", "repeat an image: `SPEC.json`, the resolved_spec of an earlier job")
 }
@@ -106,16 +106,17 @@ func (r *requestFlags) register(f *flags) {
 // registerStop registers those that say when the job ends.
 func (r *requestFlags) registerStop(f *flags) {
 	for _, option := range job.StopOptions() {
-		r.registerOption(f, option)
+		registerOption(f, option, &r.request, r.set)
 	}
 }
 
-func (r *requestFlags) registerOption(f *flags, option job.Option) {
+// registerOption makes a flag for an option of a document; set takes the pairs of a map.
+func registerOption[T any](f *flags, option job.OptionOf[T], document *T, set func(string) error) {
 	usage := option.Help()
 	if takes := option.Takes(); takes != "" {
 		usage = "`" + takes + "`: " + usage
 	}
-	switch field := option.In(&r.request).(type) {
+	switch field := option.In(document).(type) {
 	case *string:
 		f.StringVar(field, option.Flag, "", usage)
 	case *float64:
@@ -127,27 +128,33 @@ func (r *requestFlags) registerOption(f *flags, option job.Option) {
 	case *bool:
 		f.BoolVar(field, option.Flag, false, usage)
 	case **int:
-		f.Func(option.Flag, usage, func(text string) error { return setNumber(field, text) })
+		f.Func(option.Flag, usage, func(text string) error { return setValue(field, text, strconv.Atoi, "a whole number") })
+	case **float64:
+		f.Func(option.Flag, usage, func(text string) error { return setValue(field, text, parseFloat, "a number") })
+	case *job.ShutterCurve:
+		f.Func(option.Flag, usage, func(text string) error { *field = job.ShutterCurve(text); return nil })
 	case *[]string:
 		f.Func(option.Flag, usage, func(text string) error {
 			*field = append(*field, strings.Split(text, ",")...)
 			return nil
 		})
 	case *map[string]string:
-		f.Func(option.Flag, usage, r.set)
+		f.Func(option.Flag, usage, set)
 	default:
 		panic(fmt.Sprintf("option %s has a field of type %T", option.Field, field))
 	}
 }
 
-func setNumber(field **int, text string) error {
-	n, err := strconv.Atoi(text)
+func setValue[T any](field **T, text string, parse func(string) (T, error), kind string) error {
+	value, err := parse(text)
 	if err != nil {
-		return errors.New("want a whole number")
+		return errors.New("want " + kind)
 	}
-	*field = &n
+	*field = &value
 	return nil
 }
+
+func parseFloat(text string) (float64, error) { return strconv.ParseFloat(text, 64) }
 
 func (r *requestFlags) set(text string) error {
 	name, value, found := strings.Cut(text, "=")
@@ -171,7 +178,12 @@ func (r *requestFlags) finish() error {
 		}
 		r.request.Resolved = string(spec)
 	}
-	trial := r.request
-	trial.Scene, trial.Entry = strings.Repeat("0", 64), "scene.xml" // not known yet
+	trial := withScene(r.request)
 	return asUsage(trial.Validate())
+}
+
+// withScene is a request that can be checked before its scene is known.
+func withScene(r job.Request) job.Request {
+	r.Scene, r.Entry = strings.Repeat("0", 64), "scene.xml"
+	return r
 }

@@ -17,10 +17,18 @@ func TestHelpHasEveryOption(t *testing.T) {
 	}
 	help := b.stdout.String()
 	for _, option := range job.Options() {
-		line := strings.TrimSpace("--" + option.Flag + " " + option.Takes())
-		if !strings.Contains(help, "  "+line) || !strings.Contains(help, option.Help()) {
-			t.Errorf("the help does not have %q with %q", line, option.Help())
-		}
+		expectHelp(t, help, option)
+	}
+	for _, option := range job.FrameOptions() {
+		expectHelp(t, help, option)
+	}
+}
+
+func expectHelp[T any](t *testing.T, help string, option job.OptionOf[T]) {
+	t.Helper()
+	line := strings.TrimSpace("--" + option.Flag + " " + option.Takes())
+	if !strings.Contains(help, "  "+line) || !strings.Contains(help, option.Help()) {
+		t.Errorf("the help does not have %q with %q", line, option.Help())
 	}
 }
 
@@ -56,11 +64,11 @@ func TestFlagsReachTheRequest(t *testing.T) {
 	}
 }
 
-// optionTable is the table of the README.
-func optionTable() string {
+// optionTable is a table of the README.
+func optionTable[T any](options []job.OptionOf[T]) string {
 	var table strings.Builder
-	table.WriteString("| flag | field of a job | meaning |\n| --- | --- | --- |\n")
-	for _, option := range job.Options() {
+	table.WriteString("| flag | field | meaning |\n| --- | --- | --- |\n")
+	for _, option := range options {
 		flag := strings.TrimSpace("--" + option.Flag + " " + strings.ReplaceAll(option.Takes(), "|", "\\|"))
 		fmt.Fprintf(&table, "| `%s` | `%s` | %s |\n", flag, option.Field, strings.ReplaceAll(option.Help(), "<default>", "`<default>`"))
 	}
@@ -85,7 +93,8 @@ func serveTable(t *testing.T) string {
 
 // TestReadmeHasTheOptions compares; METROFARM_UPDATE=1 writes the README's tables anew.
 func TestReadmeHasTheOptions(t *testing.T) {
-	compareReadme(t, "<!-- options: generated from services/internal/job -->\n", "<!-- end of options -->\n", optionTable())
+	compareReadme(t, "<!-- options: generated from services/internal/job -->\n", "<!-- end of options -->\n", optionTable(job.Options()))
+	compareReadme(t, "<!-- frames: generated from services/internal/job -->\n", "<!-- end of frames -->\n", optionTable(job.FrameOptions()))
 	compareReadme(t, "<!-- serve: generated from services/internal/cli -->\n", "<!-- end of serve -->\n", serveTable(t))
 }
 

@@ -158,6 +158,9 @@ func showJob(ctx context.Context, env Env, arguments []string) error {
 		return writeJSON(env.Stdout, s)
 	}
 	fmt.Fprintf(env.Stdout, "%s  %s\n%s\n", s.ID, s.Request.Name, progressLine(s))
+	if s.Sequence != nil {
+		fmt.Fprintf(env.Stdout, "frame %d of sequence %s\n", s.Sequence.Frame, s.Sequence.ID)
+	}
 	fmt.Fprintln(env.Stdout, "priority:", s.Request.Priority)
 	if s.QueuePosition > 0 {
 		fmt.Fprintln(env.Stdout, "place in the queue:", s.QueuePosition)
@@ -184,23 +187,30 @@ func act(action string) func(context.Context, Env, []string) error {
 		if err != nil {
 			return ignoreHelp(err)
 		}
-		return r.toEach(ids, func(id string) (job.Snapshot, error) { return c.Act(ctx, id, action) }, stateText)
+		return r.toEach(ids, func(id string) (any, string, error) {
+			if strings.HasPrefix(id, job.SequencePrefix) {
+				q, err := c.ActOnSequence(ctx, id, action)
+				return q, sequenceText(&q), err
+			}
+			s, err := c.Act(ctx, id, action)
+			return s, stateText(s), err
+		})
 	}
 }
 
-// toEach does something to each job and prints what became of it; one that fails does not keep it from
-// the others.
-func (r *remoteFlags) toEach(ids []string, do func(id string) (job.Snapshot, error), text func(job.Snapshot) string) error {
+// toEach does something to each job or sequence and prints what became of it, as JSON or in a line; one
+// that fails does not keep it from the others.
+func (r *remoteFlags) toEach(ids []string, do func(id string) (answer any, line string, err error)) error {
 	var failures []error
 	for _, id := range ids {
-		s, err := do(id)
+		answer, line, err := do(id)
 		switch {
 		case err != nil:
 			failures = append(failures, err)
 		case r.json:
-			failures = append(failures, writeJSON(r.env.Stdout, s))
+			failures = append(failures, writeJSON(r.env.Stdout, answer))
 		default:
-			fmt.Fprintf(r.env.Stdout, "%s  %s\n", s.ID, text(s))
+			fmt.Fprintf(r.env.Stdout, "%s  %s\n", id, line)
 		}
 	}
 	return errors.Join(failures...)
@@ -228,10 +238,10 @@ func changeJobs(ctx context.Context, env Env, arguments []string) error {
 	case len(patch) == 0:
 		return usagef("change: what? Give --priority or --name")
 	}
-	return r.toEach(ids, func(id string) (job.Snapshot, error) { return c.Change(ctx, id, patch) },
-		func(s job.Snapshot) string {
-			return fmt.Sprintf("%s  priority %d  %s", stateText(s), s.Request.Priority, s.Request.Name)
-		})
+	return r.toEach(ids, func(id string) (any, string, error) {
+		s, err := c.Change(ctx, id, patch)
+		return s, fmt.Sprintf("%s  priority %d  %s", stateText(s), s.Request.Priority, s.Request.Name), err
+	})
 }
 
 func listWorkers(ctx context.Context, env Env, arguments []string) error {

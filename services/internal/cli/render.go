@@ -9,6 +9,7 @@ import (
 	"os"
 	"path/filepath"
 
+	"metrofarm/services/internal/api"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/child"
 	"metrofarm/services/internal/exr"
@@ -19,6 +20,7 @@ import (
 // renderFlags are the flags of render beside those of the job.
 type renderFlags struct {
 	requestFlags
+	frameFlags
 	out, stats, png  string
 	half             bool
 	threads, workers int
@@ -28,6 +30,7 @@ type renderFlags struct {
 
 func (r *renderFlags) register(f *flags) {
 	r.requestFlags.register(f)
+	r.frameFlags.register(f)
 	f.StringVar(&r.out, "o", "", "write the image to `OUT.exr`; required")
 	f.StringVar(&r.stats, "stats", "", "write statistics to `OUT.json`")
 	f.StringVar(&r.png, "png", "", "write a tone-mapped picture to `OUT.png`")
@@ -39,7 +42,7 @@ func (r *renderFlags) register(f *flags) {
 	f.BoolVar(&r.verbose, "verbose", false, "log what the coordinator and the workers do")
 }
 
-func (r *renderFlags) check() error {
+func (r *renderFlags) complete() error {
 	switch {
 	case r.out == "":
 		return usagef("render: -o OUT.exr is missing")
@@ -57,7 +60,8 @@ func (r *renderFlags) check() error {
 			return usagef("--listen %s can be reached by other machines; use 127.0.0.1, or metrofarm serve with --tokens", r.listen)
 		}
 	}
-	return errors.Join(checkOutputs(r.out, r.stats, r.png), r.finish())
+	outputs := []string{r.out, r.stats, r.png}
+	return errors.Join(checkOutputs(outputs...), r.finish(), r.check(r.request, outputs...))
 }
 
 func render(ctx context.Context, env Env, arguments []string) error {
@@ -68,7 +72,7 @@ func render(ctx context.Context, env Env, arguments []string) error {
 	if err != nil {
 		return ignoreHelp(err)
 	}
-	if err := r.check(); err != nil {
+	if err := r.complete(); err != nil {
 		return err
 	}
 	program, err := child.Locate(env.Getenv)
@@ -105,6 +109,9 @@ func (r *renderFlags) renderOn(ctx context.Context, env Env, farm Farm, local bu
 		return err
 	}
 	r.request.Scene, r.request.Entry = scene.Digest, local.Entry
+	if r.given {
+		return r.renderFrames(ctx, env, farm, show)
+	}
 	service := farm.Service()
 	snapshot, err := service.Submit(ctx, r.request, "")
 	if err != nil {
@@ -116,6 +123,11 @@ func (r *renderFlags) renderOn(ctx context.Context, env Env, farm Farm, local bu
 	if snapshot, err = watch.follow(ctx); err != nil {
 		return err
 	}
+	return r.fetch(ctx, service, snapshot)
+}
+
+// fetch writes what a job that is done has made.
+func (r *renderFlags) fetch(ctx context.Context, service api.Service, snapshot job.Snapshot) error {
 	image, err := service.Image(ctx, snapshot.ID)
 	if err != nil {
 		return err

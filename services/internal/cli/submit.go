@@ -34,12 +34,14 @@ func (r *resultFlags) register(f *flags) {
 
 type submitFlags struct {
 	requestFlags
+	frameFlags
 	resultFlags
 	entry, key string
 }
 
 func (s *submitFlags) register(f *flags) {
 	s.requestFlags.register(f)
+	s.frameFlags.register(f)
 	s.resultFlags.register(f)
 	f.IntVar(&s.request.Priority, "priority", 0, "`N` from -100 to 100: jobs of higher priority go first; default 0")
 	f.BoolVar(&s.request.InspectOnly, "inspect-only", false, "have a worker look at the scene; render nothing")
@@ -55,7 +57,7 @@ func submit(ctx context.Context, env Env, arguments []string) error {
 	if err != nil {
 		return ignoreHelp(err)
 	}
-	if err := errors.Join(checkOutputs(s.out), s.finish()); err != nil {
+	if err := errors.Join(checkOutputs(s.out), s.finish(), s.check(s.request, s.out)); err != nil {
 		return err
 	}
 	if s.request.InspectOnly && s.out != "" {
@@ -67,6 +69,9 @@ func submit(ctx context.Context, env Env, arguments []string) error {
 	}
 	if s.request.Scene, s.request.Entry, err = s.upload(ctx, env, c, positional[0]); err != nil {
 		return err
+	}
+	if s.given {
+		return s.submitFrames(ctx, env, c)
 	}
 	if s.key == "" {
 		s.key = rand.Text() // so that a repeat inside the HTTP client is no second job
@@ -104,15 +109,19 @@ func (s *resultFlags) await(ctx context.Context, env Env, c *client.Client, id s
 	if err != nil {
 		return err
 	}
+	if err := s.download(ctx, c, id, s.out); err != nil {
+		return err
+	}
+	return s.print(env, snapshot)
+}
+
+// download writes a job's image to a file; "": nowhere.
+func (s *resultFlags) download(ctx context.Context, c *client.Client, id, path string) error {
 	image := "image.exr?precision=float"
 	if s.half {
 		image = "image.exr?precision=half"
 	}
-	err = writeOutputs(output{s.out, func(w io.Writer) error { return c.Download(ctx, id, image, w) }})
-	if err != nil {
-		return err
-	}
-	return s.print(env, snapshot)
+	return writeOutputs(output{path, func(w io.Writer) error { return c.Download(ctx, id, image, w) }})
 }
 
 // upload sends a bundle, or the files of a scene, and returns the bundle's digest and the entry.

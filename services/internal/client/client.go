@@ -166,28 +166,13 @@ func (c *Client) Job(ctx context.Context, id string) (job.Snapshot, error) {
 
 // Jobs lists up to limit jobs, newest first; 0: all.
 func (c *Client) Jobs(ctx context.Context, limit int) ([]job.Snapshot, error) {
-	const pageSize = 200
-	all := []job.Snapshot{}
-	for cursor := ""; ; {
-		query := url.Values{"limit": {strconv.Itoa(pageSize)}}
-		if limit > 0 {
-			query.Set("limit", strconv.Itoa(min(pageSize, limit-len(all))))
-		}
-		if cursor != "" {
-			query.Set("cursor", cursor)
-		}
+	return pages(limit, func(query url.Values) ([]job.Snapshot, string, error) {
 		page, err := call[struct {
 			Jobs []job.Snapshot `json:"jobs"`
 			Next string         `json:"next"`
 		}](ctx, c, http.MethodGet, "/v1/jobs?"+query.Encode(), nil, nil)
-		if err != nil {
-			return nil, err
-		}
-		all = append(all, page.Jobs...)
-		if cursor = page.Next; cursor == "" || (limit > 0 && len(all) >= limit) {
-			return all, nil
-		}
-	}
+		return page.Jobs, page.Next, err
+	})
 }
 
 // Act does one of cancel, pause, resume and finish.

@@ -144,16 +144,21 @@ func (c *Coordinator) Jobs(ctx context.Context, cursor string, limit int) ([]job
 	snapshots := make([]job.Snapshot, 0, len(page))
 	positions := c.positions()
 	for _, j := range page {
-		r := c.running(j.ID)
-		if r == nil || r.ahead() {
-			r = c.stored(j.Record)
-		}
-		snapshot := r.view()
-		snapshot.QueuePosition = positions[r]
-		if c.elsewhere(j.Owner) {
-			snapshot.Owner = j.Owner.REST
-		}
-		snapshots = append(snapshots, snapshot)
+		snapshots = append(snapshots, c.show(j, positions))
 	}
 	return snapshots, next, nil
+}
+
+// show is the public view of a job as this coordinator knows it, with its place in the queue.
+func (c *Coordinator) show(j store.Owned, positions map[*run]int) job.Snapshot {
+	r := c.running(j.ID)
+	if r == nil || r.ahead() {
+		r = c.stored(j.Record)
+	}
+	snapshot := r.view()
+	snapshot.QueuePosition = positions[r]
+	if c.elsewhere(j.Owner) {
+		snapshot.Owner = j.Owner.REST
+	}
+	return snapshot
 }

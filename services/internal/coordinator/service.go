@@ -27,10 +27,12 @@ func (c *Coordinator) Submit(ctx context.Context, request job.Request, key strin
 	if err := c.checkRequest(ctx, &request); err != nil {
 		return job.Snapshot{}, err
 	}
-	if len(key) > maxKeyBytes {
-		return job.Snapshot{}, &job.FieldError{Field: "Idempotency-Key", Detail: fmt.Sprintf("is longer than %d bytes", maxKeyBytes)}
+	if err := checkKey(key); err != nil {
+		return job.Snapshot{}, err
 	}
-	fingerprint, err := fingerprint(request)
+	unranked := request
+	unranked.Priority = 0
+	fingerprint, err := fingerprint(unranked)
 	if err != nil {
 		return job.Snapshot{}, err
 	}
@@ -88,9 +90,15 @@ func (c *Coordinator) checkRequest(ctx context.Context, r *job.Request) error {
 	return nil
 }
 
-// fingerprint of what a request asks for; its priority is no part of that.
-func fingerprint(request job.Request) (string, error) {
-	request.Priority = 0
+func checkKey(key string) error {
+	if len(key) > maxKeyBytes {
+		return &job.FieldError{Field: "Idempotency-Key", Detail: fmt.Sprintf("is longer than %d bytes", maxKeyBytes)}
+	}
+	return nil
+}
+
+// fingerprint of what a request asks for. A priority is no part of that: the caller leaves it out.
+func fingerprint(request any) (string, error) {
 	content, err := json.Marshal(request)
 	if err != nil {
 		return "", fmt.Errorf("submit: %w", err)

@@ -22,7 +22,7 @@ func (r *run) snapshot() job.Snapshot {
 		return *r.rec.Summary
 	}
 	s := job.Snapshot{
-		ID: r.id, User: r.rec.User, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused,
+		ID: r.id, User: r.rec.User, Sequence: r.rec.FrameOf, Request: r.rec.Request, State: r.rec.State, Paused: r.rec.Paused,
 		PauseReason: r.rec.PauseReason, Error: r.rec.Error,
 		CreatedAt: r.rec.CreatedAt, StartedAt: r.rec.StartedAt, EndedAt: r.rec.EndedAt,
 		StopReason: r.rec.StopReason, Refinements: r.rec.Refinements, Seed: r.rec.Request.Seed, Activity: r.activity,

@@ -28,7 +28,7 @@ const (
 
 // Features lists what a job uses and skips by the structure of its scene and its spec.
 func Features(spec *jobv1.ResolvedSpec, scene *scenev1.SceneReport) []Feature {
-	return slices.Concat(sampleFeatures(scene), sceneFeatures(scene), techniqueFeatures(spec, scene), chainFeatures(spec))
+	return slices.Concat(sampleFeatures(spec, scene), sceneFeatures(scene), techniqueFeatures(spec, scene), chainFeatures(spec))
 }
 
 // either is a feature that is used if a fact holds.
@@ -40,14 +40,11 @@ func either(name string, holds bool, ifUsed, ifSkipped string) Feature {
 }
 
 // sampleFeatures are the coordinates of a sample.
-func sampleFeatures(scene *scenev1.SceneReport) []Feature {
+func sampleFeatures(spec *jobv1.ResolvedSpec, scene *scenev1.SceneReport) []Feature {
 	lens := scene.GetStructure().GetLens()
-	time := Feature{"time", skipped, "nothing moves: samples have no time"}
-	if scene.GetStructure().GetMotion() {
-		time.Evidence = "what moves stands where its first key puts it"
-	}
+	hasTime, evidence := plan.HasTime(spec, scene)
 	return []Feature{
-		time,
+		either("time", hasTime, evidence, evidence),
 		either("lens", lens, fmt.Sprintf("sensor %s with an aperture", scene.GetSensor()),
 			fmt.Sprintf("sensor %s without an aperture: samples have no lens position", scene.GetSensor())),
 	}

@@ -40,7 +40,8 @@ func TestFeatures(t *testing.T) {
 		"targetMap":{"side":1,"values":[1]},"kernel":{"eyeStepProbability":0.25}}`
 	for _, c := range []struct{ spec, report, feature, state, evidence string }{
 		{path, glassBox, "time", "skipped", "nothing moves"},
-		{path, `{"structure":{"motion":true}}`, "time", "skipped", "first key"},
+		{path, `{"structure":{"motion":true,"moving":[{"end":1}]}}`, "time", "skipped", "instant"},
+		{path, `{"shutter_close":0.5,"structure":{"motion":true,"moving":[{"begin":0.25,"end":1}]}}`, "time", "used", "from 0.25 to 1 s"},
 		{path, glassBox, "lens", "used", "thinlens"},
 		{path, lamp, "lens", "skipped", "perspective"},
 		{path, glassBox, "textures", "used", "2 bitmap"},

@@ -23,6 +23,8 @@ type Farm struct {
 	jobs    map[string]*record
 	keys    map[string]string // idempotency key to job
 	workers []job.Worker
+
+	sequences []*sequence // oldest first
 }
 
 type record struct {
@@ -57,19 +59,27 @@ func (f *Farm) Submit(ctx context.Context, request job.Request, key string) (job
 		}
 		return job.Snapshot{}, fmt.Errorf("%w: the Idempotency-Key was used for another job", job.ErrConflict)
 	}
-	id := "j" + strconv.Itoa(len(f.order)+1)
+	id := f.add(ctx, request, nil)
 	f.keys[key] = id
+	return f.jobs[id].snapshot, nil
+}
+
+// add requires: mutex.
+func (f *Farm) add(ctx context.Context, request job.Request, frame *job.FrameOf) (id string) {
+	id = "j" + strconv.Itoa(len(f.order)+1)
+	submitted := request
+	submitted.Priority = 0
 	f.order = append(f.order, id)
 	f.jobs[id] = &record{
 		submitted: submitted,
 		snapshot: job.Snapshot{
-			ID: id, User: auth.From(ctx).User, Request: request, State: job.Queued, CreatedAt: f.now(), Seed: request.Seed,
-			Anomalies: map[string]uint64{},
+			ID: id, User: auth.From(ctx).User, Sequence: frame, Request: request, State: job.Queued, CreatedAt: f.now(),
+			Seed: request.Seed, Anomalies: map[string]uint64{},
 		},
 		watchers: make(map[chan job.Event]bool),
 	}
 	f.publish(f.jobs[id], job.Event{Kind: "state", Message: "queued"})
-	return f.jobs[id].snapshot, nil
+	return id
 }
 
 // Update changes a job and publishes an event of the given kind with the new snapshot.

@@ -29,3 +29,8 @@ func (e *FieldError) Error() string { return e.Field + ": " + e.Detail }
 
 // Unwrap makes errors.Is(err, ErrInvalid) true.
 func (e *FieldError) Unwrap() error { return ErrInvalid }
+
+// In is the error for a document that has what is wrong in this member.
+func (e *FieldError) In(member string) *FieldError {
+	return &FieldError{Field: member + "." + e.Field, Detail: e.Detail}
+}

@@ -8,7 +8,10 @@ import (
 
 // Option is one field that a request may leave out. The command line's flags, their help and the
 // interface description are made of this table.
-type Option struct {
+type Option = OptionOf[Request]
+
+// OptionOf is an option of a document of type T.
+type OptionOf[T any] struct {
 	// Field as in the JSON document, for example "stop.time_seconds".
 	Field string
 	// Flag of the command line, without its dashes.
@@ -21,9 +24,9 @@ type Option struct {
 	Integrators []string
 	// Text says what it does.
 	Text string
-	// In returns the address of the field: a *string, *float64, *uint64, *int, *bool, **int,
-	// *[]string (any number of the choices) or *map[string]string.
-	In func(*Request) any
+	// In returns the address of the field: a *string, *float64, *uint64, *int, *bool, **int, **float64,
+	// *ShutterCurve, *[]string (any number of the choices) or *map[string]string.
+	In func(*T) any
 }
 
 // Groups of integrators that options belong to.
@@ -34,7 +37,9 @@ var (
 )
 
 // Options lists all of them, the way help does.
-func Options() []Option { return slices.Concat(mainOptions(), chainOptions(), stopOptions()) }
+func Options() []Option {
+	return slices.Concat(mainOptions(), shutterOptions(), chainOptions(), stopOptions())
+}
 
 func mainOptions() []Option {
 	return []Option{
@@ -116,15 +121,15 @@ func stopOptions() []Option {
 }
 
 // Set tells whether a request gives the option.
-func (o Option) Set(r *Request) bool { return !reflect.ValueOf(o.In(r)).Elem().IsZero() }
+func (o OptionOf[T]) Set(r *T) bool { return !reflect.ValueOf(o.In(r)).Elem().IsZero() }
 
 // For tells whether the option has a meaning for an integrator.
-func (o Option) For(integrator string) bool {
+func (o OptionOf[T]) For(integrator string) bool {
 	return len(o.Integrators) == 0 || slices.Contains(o.Integrators, integrator)
 }
 
 // Takes says what follows the flag: a word for a value, the choices, or "" for a switch.
-func (o Option) Takes() string {
+func (o OptionOf[T]) Takes() string {
 	if len(o.Choices) > 0 {
 		return strings.Join(o.Choices, "|")
 	}
@@ -132,7 +137,7 @@ func (o Option) Takes() string {
 }
 
 // Help is the text with the integrators that it belongs to.
-func (o Option) Help() string {
+func (o OptionOf[T]) Help() string {
 	if len(o.Integrators) == 0 {
 		return o.Text
 	}

@@ -87,6 +87,18 @@ type Request struct {
 	Height int `json:"height,omitempty"`
 	// Seed of the job.
 	Seed uint64 `json:"seed,omitempty"`
+
+	// ShutterOpen and ShutterClose override the scene's, in seconds of its keyframes' time.
+	ShutterOpen  *float64 `json:"shutter_open,omitempty"`
+	ShutterClose *float64 `json:"shutter_close,omitempty"`
+	// ShutterCurve, with the ramps of a trapezoid as shares of the open time, is the efficiency.
+	ShutterCurve     ShutterCurve `json:"shutter_curve,omitempty"`
+	ShutterRampOpen  float64      `json:"shutter_ramp_open,omitempty"`
+	ShutterRampClose float64      `json:"shutter_ramp_close,omitempty"`
+	Exposure         string       `json:"exposure,omitempty"`
+	// RollingShutter is how many seconds the last row of pixels lags behind the first.
+	RollingShutter float64 `json:"rolling_shutter,omitempty"`
+
 	// Stop rules; whichever is met first. With none, the scene's sample count decides.
 	Stop StopRules `json:"stop"`
 	// Resolved repeats an earlier job: its resolved spec in protobuf JSON. All choices above are
@@ -177,10 +189,12 @@ type Technique struct {
 type Snapshot struct {
 	ID string `json:"id"`
 	// User who submitted it; empty where the server asks for no tokens.
-	User    string  `json:"user,omitempty"`
-	Request Request `json:"request"`
-	State   State   `json:"state"`
-	Paused  bool    `json:"paused"`
+	User string `json:"user,omitempty"`
+	// Sequence that the job is a frame of.
+	Sequence *FrameOf `json:"sequence,omitempty"`
+	Request  Request  `json:"request"`
+	State    State    `json:"state"`
+	Paused   bool     `json:"paused"`
 	// PauseReason says why the job paused itself and what to do; empty if the user paused it.
 	PauseReason string `json:"pause_reason,omitempty"`
 	// QueuePosition among the jobs of its coordinator that have work for more workers: the next free

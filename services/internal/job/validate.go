@@ -24,7 +24,7 @@ const (
 // Validate checks everything that can be checked without the scene. Its errors are *FieldError.
 func (r *Request) Validate() error {
 	for _, check := range []func() error{
-		r.validateScene, r.validateChoices, r.validateNumbers, r.checkChains, r.Stop.validate,
+		r.validateScene, r.validateChoices, r.validateNumbers, r.checkShutter, r.checkChains, r.Stop.validate,
 	} {
 		if err := check(); err != nil {
 			return err

@@ -76,6 +76,11 @@ func (f *Farm) ownersOf(ctx context.Context, jobs []job.Snapshot) ([]store.Membe
 			urls[j.Owner] = true
 		}
 	}
+	return f.at(ctx, urls)
+}
+
+// at lists the other coordinators that have one of these URLs.
+func (f *Farm) at(ctx context.Context, urls map[string]bool) ([]store.Member, error) {
 	if len(urls) == 0 {
 		return nil, nil
 	}
@@ -241,8 +246,12 @@ func (f *Farm) call(ctx context.Context, method string, peer store.Member, path 
 	switch response.StatusCode {
 	case http.StatusOK:
 		return json.NewDecoder(io.LimitReader(response.Body, maxAnswer)).Decode(into)
+	case http.StatusNoContent:
+		return nil
 	case http.StatusNotFound:
 		return job.ErrNotFound
+	case http.StatusConflict:
+		return job.ErrConflict
 	default:
 		return fmt.Errorf("%s answers %s", peer.REST, response.Status)
 	}

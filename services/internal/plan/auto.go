@@ -52,6 +52,9 @@ func Pilot(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, err
 	spec, _, err := Resolve(job.Request{
 		Integrator: job.IntegratorPSSMLT, LightSampling: r.LightSampling, MaxDepth: r.MaxDepth,
 		Width: r.Width, Height: r.Height, Seed: r.Seed ^ pilotSeed,
+		ShutterOpen: r.ShutterOpen, ShutterClose: r.ShutterClose, ShutterCurve: r.ShutterCurve,
+		ShutterRampOpen: r.ShutterRampOpen, ShutterRampClose: r.ShutterRampClose,
+		Exposure: r.Exposure, RollingShutter: r.RollingShutter,
 	}, report)
 	if err != nil {
 		return nil, err

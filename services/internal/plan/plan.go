@@ -5,8 +5,8 @@
 // Rules of the automatic choices:
 //   - integrator auto is the scene's own where that is bdpt, pssmlt or mmlt; else a pilot decides,
 //     see auto.go;
-//   - size, depth and roulette come from the scene unless the request overrides them; mmlt takes
-//     paths of up to 32 edges;
+//   - size, depth, roulette and shutter come from the scene unless the request overrides them; mmlt
+//     takes paths of up to 32 edges;
 //   - light sampling is mis, chains run over path tracing; the kernel is kelemen with radii 1.9/1024
 //     to 1.9/64, large steps 0.3; no second stage; two-layer weights; techniques are frozen;
 //   - chain groups: one per 2048 pixels, rounded up to a multiple of 16, within 16..256;
@@ -65,6 +65,9 @@ func Resolve(r job.Request, report *scenev1.SceneReport) (*jobv1.ResolvedSpec, [
 		GroupSize:     GroupSize,
 	}
 	if err := checkSize(spec); err != nil {
+		return nil, nil, err
+	}
+	if err := setShutter(spec, r, report); err != nil {
 		return nil, nil, err
 	}
 	var warnings []string

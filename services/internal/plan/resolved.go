@@ -75,8 +75,10 @@ func checkIntegrator(s *jobv1.ResolvedSpec) string {
 	if !RunsChains(s) && (DirectApart(s) || s.GetTargetMap() != nil) {
 		return "direct_sizes and target_map belong to chains"
 	}
-	if detail := checkLayers(s); detail != "" {
-		return detail
+	for _, detail := range []string{checkLayers(s), checkShutter(s)} {
+		if detail != "" {
+			return detail
+		}
 	}
 	if s.GetUnder() != 0 && s.GetIntegrator() != jobv1.Integrator_INTEGRATOR_PSSMLT {
 		return "under belongs to INTEGRATOR_PSSMLT"

@@ -72,17 +72,19 @@ type Record struct {
 	// late changes nothing.
 	Revision uint64 `json:"revision"`
 
-	User        string      `json:"user,omitempty"` // who submitted it
-	Request     job.Request `json:"request"`
-	State       job.State   `json:"state"`
-	Paused      bool        `json:"paused,omitempty"`
-	PauseReason string      `json:"pause_reason,omitempty"` // if the job paused itself
-	Error       string      `json:"error,omitempty"`
-	StopReason  string      `json:"stop_reason,omitempty"`
-	Warnings    []string    `json:"warnings,omitempty"`
-	CreatedAt   time.Time   `json:"created_at"`
-	StartedAt   *time.Time  `json:"started_at,omitempty"`
-	EndedAt     *time.Time  `json:"ended_at,omitempty"`
+	User string `json:"user,omitempty"` // who submitted it
+	// FrameOf tells of the sequence that the job is a frame of; it never changes.
+	FrameOf     *job.FrameOf `json:"frame_of,omitempty"`
+	Request     job.Request  `json:"request"`
+	State       job.State    `json:"state"`
+	Paused      bool         `json:"paused,omitempty"`
+	PauseReason string       `json:"pause_reason,omitempty"` // if the job paused itself
+	Error       string       `json:"error,omitempty"`
+	StopReason  string       `json:"stop_reason,omitempty"`
+	Warnings    []string     `json:"warnings,omitempty"`
+	CreatedAt   time.Time    `json:"created_at"`
+	StartedAt   *time.Time   `json:"started_at,omitempty"`
+	EndedAt     *time.Time   `json:"ended_at,omitempty"`
 
 	// SceneReport is what a worker found in the scene, in protobuf JSON; empty before.
 	SceneReport string `json:"scene_report,omitempty"`
@@ -101,6 +103,21 @@ type Record struct {
 	// Summary and Convergence are set when the job has ended.
 	Summary     *job.Snapshot          `json:"summary,omitempty"`
 	Convergence []job.ConvergencePoint `json:"convergence,omitempty"`
+}
+
+// Sequence is a range of frames, each rendered by a job. It is stored with its jobs in one step, never
+// changes, and is there as long as one of them is.
+type Sequence struct {
+	ID string `json:"id"`
+	// Number is that of the first frame's job, set by CreateSequence; those of the others follow.
+	Number    uint64              `json:"number"`
+	User      string              `json:"user,omitempty"` // who submitted it
+	Request   job.SequenceRequest `json:"request"`
+	CreatedAt time.Time           `json:"created_at"`
+	// Jobs of the frames, in order.
+	Jobs []string `json:"jobs"`
+	// States of the jobs, as they were last stored; job.Deleted where a job is gone. Only in answers.
+	States []job.State `json:"-"`
 }
 
 // Store keeps records, events and leases. Methods may be called from several goroutines, and may be
@@ -123,11 +140,17 @@ type Store interface {
 	// false; for another request it fails with ErrKeyReused. An empty key never matches.
 	CreateJob(ctx context.Context, c Claim, r Record, key, fingerprint string) (stored Record, created bool, err error)
 
+	// CreateSequence stores a sequence with the jobs of its frames, all of them or none, and sets the
+	// numbers: s.Jobs names the jobs. The claimant owns them under epoch 1. Keys are those of CreateJob;
+	// one that was used for an equal request returns the sequence of then.
+	CreateSequence(ctx context.Context, c Claim, s Sequence, jobs []Record, key, fingerprint string) (stored Sequence, created bool, err error)
+
 	// UpdateJob replaces a record and appends events, in one step. A repetition of the last update
 	// (same revision) changes nothing; an older revision fails with ErrFenced.
 	UpdateJob(ctx context.Context, epoch uint64, r Record, events []job.Event) error
 
-	// DeleteJob removes a job, its events and its idempotency key.
+	// DeleteJob removes a job, its events and its idempotency key; with the last job of a sequence that,
+	// too.
 	DeleteJob(ctx context.Context, epoch uint64, id string) error
 
 	// Release gives a job up. One that has ended then waits for no owner, until it is acquired again.
@@ -147,6 +170,16 @@ type Store interface {
 	// Jobs returns up to limit jobs with numbers below before, newest first; before 0 begins with the
 	// newest.
 	Jobs(ctx context.Context, before uint64, limit int) ([]Owned, error)
+
+	// JobsByID returns those of the jobs that exist, in the order of the ids.
+	JobsByID(ctx context.Context, ids []string) ([]Owned, error)
+
+	// Sequence returns one sequence; job.ErrNotFound if there is none.
+	Sequence(ctx context.Context, id string) (Sequence, error)
+
+	// Sequences returns up to limit sequences with numbers below before, newest first; before 0 begins
+	// with the newest.
+	Sequences(ctx context.Context, before uint64, limit int) ([]Sequence, error)
 
 	// Events returns the kept events of a job with a sequence above after, in order.
 	Events(ctx context.Context, id string, after uint64) ([]job.Event, error)

@@ -4,6 +4,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"time"
 
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/store"
@@ -21,9 +22,10 @@ type StoredJobs struct {
 	}
 }
 
-// Jobs implements Jobs.
+// Jobs implements Jobs. The frames of a sequence go together: each ended when the last of them did.
 func (s StoredJobs) Jobs(ctx context.Context) ([]Job, error) {
 	var jobs []Job
+	frames := make(map[string][]int) // indices in jobs, by sequence
 	for before := uint64(0); ; {
 		page, err := s.Store.Jobs(ctx, before, pageLength)
 		if err != nil {
@@ -34,12 +36,33 @@ func (s StoredJobs) Jobs(ctx context.Context) ([]Job, error) {
 			if r.State.Ended() && r.EndedAt != nil {
 				j.EndedAt = *r.EndedAt
 			}
+			if r.FrameOf != nil {
+				frames[r.FrameOf.ID] = append(frames[r.FrameOf.ID], len(jobs))
+			}
 			jobs = append(jobs, j)
 		}
 		if len(page) < pageLength {
+			endTogether(jobs, frames)
 			return jobs, nil
 		}
 		before = page[len(page)-1].Number
+	}
+}
+
+// endTogether gives the frames of each sequence the latest of their ends, or none if one has not ended.
+func endTogether(jobs []Job, frames map[string][]int) {
+	for _, indices := range frames {
+		last := jobs[indices[0]].EndedAt
+		for _, i := range indices {
+			if end := jobs[i].EndedAt; last.IsZero() || end.IsZero() {
+				last = time.Time{}
+			} else if end.After(last) {
+				last = end
+			}
+		}
+		for _, i := range indices {
+			jobs[i].EndedAt = last
+		}
 	}
 }
 

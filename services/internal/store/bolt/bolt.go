@@ -25,14 +25,16 @@ import (
 // openTimeout bounds the wait for another process that holds the file.
 const openTimeout = 2 * time.Second
 
-// Buckets. Events holds one bucket per job, keyed by big-endian sequence; order holds the ids by
-// big-endian number.
+// Buckets. Events holds one bucket per job, keyed by big-endian sequence; the orders hold the ids of
+// jobs and sequences by big-endian number.
 var (
-	jobsBucket   = []byte("jobs")
-	orderBucket  = []byte("order")
-	ownersBucket = []byte("owners")
-	keysBucket   = []byte("keys")
-	eventsBucket = []byte("events")
+	jobsBucket          = []byte("jobs")
+	orderBucket         = []byte("order")
+	ownersBucket        = []byte("owners")
+	keysBucket          = []byte("keys")
+	eventsBucket        = []byte("events")
+	sequencesBucket     = []byte("sequences")
+	sequenceOrderBucket = []byte("sequence order")
 )
 
 // Store is a store.Store in a file.
@@ -65,7 +67,7 @@ type ownership struct {
 
 // keyEntry remembers what an idempotency key was used for.
 type keyEntry struct {
-	Job         string `json:"job"`
+	ID          string `json:"job"` // of a job or a sequence
 	Fingerprint string `json:"fingerprint"`
 }
 
@@ -91,7 +93,9 @@ func Open(path string, now func() time.Time) (*Store, error) {
 }
 
 func createBuckets(tx *bbolt.Tx) error {
-	for _, name := range [][]byte{jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket} {
+	for _, name := range [][]byte{
+		jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket, sequencesBucket, sequenceOrderBucket,
+	} {
 		if _, err := tx.CreateBucketIfNotExists(name); err != nil {
 			return err
 		}
@@ -117,35 +121,23 @@ func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key,
 	s.mu.Lock()
 	defer s.mu.Unlock()
 	err = s.db.Update(func(tx *bbolt.Tx) error {
-		if key != "" {
-			found, err := findKey(tx, key, fingerprint, &stored)
-			created = found && stored.ID == r.ID // the same call again
-			if err != nil || found {
-				return err
-			}
-		}
-		if found, err := getJSON(tx.Bucket(jobsBucket), []byte(r.ID), &stored); err != nil || found {
-			created = found
-			return err
-		}
-		number, err := tx.Bucket(jobsBucket).NextSequence()
+		id, err := findKey(tx, key, fingerprint)
 		if err != nil {
 			return err
 		}
-		r.Number = number
+		if id == "" {
+			id = r.ID // the same call again may find it
+		}
+		found, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &stored)
+		created = found && id == r.ID
+		if err != nil || found {
+			return err
+		}
+		if err := insertJob(tx, &r); err != nil {
+			return err
+		}
 		stored, created = r, true
-		if key != "" {
-			if err := putJSON(tx.Bucket(keysBucket), []byte(key), keyEntry{r.ID, fingerprint}); err != nil {
-				return err
-			}
-		}
-		if err := tx.Bucket(orderBucket).Put(bigEndian(number), []byte(r.ID)); err != nil {
-			return err
-		}
-		if err := putJSON(tx.Bucket(ownersBucket), []byte(r.ID), ownership{Epoch: 1}); err != nil {
-			return err
-		}
-		return putJSON(tx.Bucket(jobsBucket), []byte(r.ID), r)
+		return putKey(tx, key, r.ID, fingerprint)
 	})
 	if err == nil && created {
 		s.leases[r.ID] = lease{c.Owner, s.now().Add(c.TTL)}
@@ -153,16 +145,37 @@ func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key,
 	return stored, created, wrap("create job", err)
 }
 
-func findKey(tx *bbolt.Tx, key, fingerprint string, into *store.Record) (bool, error) {
+// insertJob stores a new job and sets its number.
+func insertJob(tx *bbolt.Tx, r *store.Record) (err error) {
+	if r.Number, err = tx.Bucket(jobsBucket).NextSequence(); err != nil {
+		return err
+	}
+	id := []byte(r.ID)
+	if err := tx.Bucket(orderBucket).Put(bigEndian(r.Number), id); err != nil {
+		return err
+	}
+	if err := putJSON(tx.Bucket(ownersBucket), id, ownership{Epoch: 1}); err != nil {
+		return err
+	}
+	return putJSON(tx.Bucket(jobsBucket), id, r)
+}
+
+// findKey returns what an idempotency key was used for, "" for one that was not.
+func findKey(tx *bbolt.Tx, key, fingerprint string) (id string, err error) {
 	var entry keyEntry
 	found, err := getJSON(tx.Bucket(keysBucket), []byte(key), &entry)
-	if err != nil || !found {
-		return false, err
+	if found && err == nil && entry.Fingerprint != fingerprint {
+		err = store.ErrKeyReused
 	}
-	if entry.Fingerprint != fingerprint {
-		return false, store.ErrKeyReused
+	return entry.ID, err
+}
+
+// putKey remembers what an idempotency key was used for; an empty one nobody remembers.
+func putKey(tx *bbolt.Tx, key, id, fingerprint string) error {
+	if key == "" {
+		return nil
 	}
-	return getJSON(tx.Bucket(jobsBucket), []byte(entry.Job), into)
+	return putJSON(tx.Bucket(keysBucket), []byte(key), keyEntry{id, fingerprint})
 }
 
 // UpdateJob implements store.Store.
@@ -239,6 +252,9 @@ func (s *Store) DeleteJob(_ context.Context, epoch uint64, id string) error {
 		if err := deleteKeysOf(tx.Bucket(keysBucket), id); err != nil {
 			return err
 		}
+		if err := leaveSequence(tx, r.FrameOf); err != nil {
+			return err
+		}
 		events := tx.Bucket(eventsBucket)
 		if events.Bucket([]byte(id)) == nil {
 			return nil
@@ -258,7 +274,7 @@ func deleteKeysOf(keys *bbolt.Bucket, id string) error {
 		if err := json.Unmarshal(v, &entry); err != nil {
 			return err
 		}
-		if entry.Job == id {
+		if entry.ID == id {
 			stale = append(stale, slices.Clone(k))
 		}
 		return nil
@@ -292,14 +308,7 @@ func (s *Store) Jobs(_ context.Context, before uint64, limit int) ([]store.Owned
 	defer s.mu.Unlock()
 	var jobs []store.Owned
 	err := s.db.View(func(tx *bbolt.Tx) error {
-		cursor := tx.Bucket(orderBucket).Cursor()
-		k, id := cursor.Last()
-		if before > 0 {
-			if at, _ := cursor.Seek(bigEndian(before)); at != nil {
-				k, id = cursor.Prev()
-			}
-		}
-		for ; k != nil && len(jobs) < limit; k, id = cursor.Prev() {
+		for _, id := range page(tx.Bucket(orderBucket), before, limit) {
 			var r store.Record
 			if _, err := getJSON(tx.Bucket(jobsBucket), id, &r); err != nil {
 				return err
@@ -309,6 +318,27 @@ func (s *Store) Jobs(_ context.Context, before uint64, limit int) ([]store.Owned
 		return nil
 	})
 	return jobs, wrap("list jobs", err)
+}
+
+// JobsByID implements store.Store.
+func (s *Store) JobsByID(_ context.Context, ids []string) ([]store.Owned, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	var jobs []store.Owned
+	err := s.db.View(func(tx *bbolt.Tx) error {
+		for _, id := range ids {
+			var r store.Record
+			found, err := getJSON(tx.Bucket(jobsBucket), []byte(id), &r)
+			if err != nil {
+				return err
+			}
+			if found {
+				jobs = append(jobs, store.Owned{Record: r, Owner: s.owner(id)})
+			}
+		}
+		return nil
+	})
+	return jobs, wrap("get jobs", err)
 }
 
 // Events implements store.Store.

@@ -29,21 +29,16 @@ if not epoch then return {'missing'} end
 if epoch ~= ARGV[1] or redis.call('HGET', KEYS[1], 'owner') == '' then return {'fenced'} end
 `
 
-// createScript stores a new job. Repeated with the same id, it answers as the first time.
+// Every script that creates something under an idempotency key begins with this. Repeated with the same
+// id, it answers as the first time.
 //
-//	KEYS[1]  job:ID
-//	KEYS[2]  order
-//	KEYS[3]  number
+//	KEYS[1]  job:ID or sequence:ID
 //	KEYS[4]  keys
-//	KEYS[5]  leases
 //	ARGV[1]  id
-//	ARGV[2]  record
-//	ARGV[3]  owner
-//	ARGV[4]  duration of the lease in milliseconds
 //	ARGV[5]  idempotency key, may be empty
 //	ARGV[6]  fingerprint of the request
-//	returns  {'created', number, ''}, {'used', '', id of the job that has the key}, {'reused'}
-var createScript = goredis.NewScript(luaNow + `
+//	returns  {'created', number, ''}, {'used', '', id of what has the key}, {'reused'}
+const luaKey = `
 local key = ARGV[5]
 if key ~= '' then
   local used = redis.call('HGET', KEYS[4], key)
@@ -56,11 +51,40 @@ if key ~= '' then
 end
 local number = redis.call('HGET', KEYS[1], 'number')
 if number then return {'created', number, ''} end
+`
+
+// luaInsert stores a new job: its key, id, record and number, and the sequence that it is a frame of.
+//
+//	KEYS[2]  order
+//	KEYS[5]  leases
+//	ARGV[3]  owner
+//	ARGV[4]  duration of the lease in milliseconds
+const luaInsert = `
+local function insert(at, id, record, number, key, sequence)
+  redis.call('HSET', at, 'record', record, 'number', number, 'revision', '0', 'ended', '', 'state', 'queued',
+    'epoch', '1', 'owner', ARGV[3], 'last', '0', 'key', key, 'sequence', sequence)
+  redis.call('ZADD', KEYS[2], number, id)
+  redis.call('ZADD', KEYS[5], now + ARGV[4], id)
+end
+`
+
+// createScript stores a new job.
+//
+//	KEYS[1]  job:ID
+//	KEYS[2]  order
+//	KEYS[3]  number
+//	KEYS[4]  keys
+//	KEYS[5]  leases
+//	ARGV[1]  id
+//	ARGV[2]  record
+//	ARGV[3]  owner
+//	ARGV[4]  duration of the lease in milliseconds
+//	ARGV[5]  idempotency key, may be empty
+//	ARGV[6]  fingerprint of the request
+//	returns  as luaKey
+var createScript = goredis.NewScript(luaNow + luaKey + luaInsert + `
 number = tostring(redis.call('INCR', KEYS[3]))
-redis.call('HSET', KEYS[1], 'record', ARGV[2], 'number', number, 'revision', '0', 'ended', '',
-  'epoch', '1', 'owner', ARGV[3], 'last', '0', 'key', key)
-redis.call('ZADD', KEYS[2], number, ARGV[1])
-redis.call('ZADD', KEYS[5], now + ARGV[4], ARGV[1])
+insert(KEYS[1], ARGV[1], ARGV[2], number, key, '')
 if key ~= '' then redis.call('HSET', KEYS[4], key, ARGV[1] .. ' ' .. ARGV[6]) end
 return {'created', number, ''}
 `)
@@ -98,16 +122,17 @@ func (s *Store) CreateJob(ctx context.Context, c store.Claim, r store.Record, ke
 //	ARGV[2]  revision
 //	ARGV[3]  '1' if the job has ended, else empty
 //	ARGV[4]  record
-//	ARGV[5]  how many events to keep
-//	ARGV[6]  sequence of the first event, ARGV[7] the event, and so on
+//	ARGV[5]  state
+//	ARGV[6]  how many events to keep
+//	ARGV[7]  sequence of the first event, ARGV[8] the event, and so on
 //	returns  {'ok'}, {'fenced'}, {'missing'}
 var updateScript = goredis.NewScript(luaFence + `
 local revision, stored = tonumber(ARGV[2]), tonumber(redis.call('HGET', KEYS[1], 'revision'))
 if revision < stored then return {'fenced'} end
 if revision == stored then return {'ok'} end
-redis.call('HSET', KEYS[1], 'record', ARGV[4], 'revision', ARGV[2], 'ended', ARGV[3])
+redis.call('HSET', KEYS[1], 'record', ARGV[4], 'revision', ARGV[2], 'ended', ARGV[3], 'state', ARGV[5])
 local last = tonumber(redis.call('HGET', KEYS[1], 'last'))
-for i = 6, #ARGV, 2 do
+for i = 7, #ARGV, 2 do
   local sequence = tonumber(ARGV[i])
   if sequence > last then
     redis.call('XADD', KEYS[2], ARGV[i] .. '-0', 'e', ARGV[i + 1])
@@ -115,7 +140,7 @@ for i = 6, #ARGV, 2 do
     last = sequence
   end
 end
-if #ARGV > 5 then redis.call('XTRIM', KEYS[2], 'MAXLEN', ARGV[5]) end
+if #ARGV > 6 then redis.call('XTRIM', KEYS[2], 'MAXLEN', ARGV[6]) end
 return {'ok'}
 `)
 
@@ -129,7 +154,7 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 	if r.State.Ended() {
 		ended = "1"
 	}
-	args := []any{epoch, r.Revision, ended, record, store.MaxEvents}
+	args := []any{epoch, r.Revision, ended, record, string(r.State), store.MaxEvents}
 	for _, e := range events {
 		text, err := json.Marshal(e)
 		if err != nil {
@@ -141,13 +166,15 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 	return wrapJob("update job", r.ID, err)
 }
 
-// deleteScript removes a job with all that belongs to it.
+// deleteScript removes a job with all that belongs to it, and the sequence that has no other job.
 //
 //	KEYS[1]  job:ID
 //	KEYS[2]  events:ID
 //	KEYS[3]  order
 //	KEYS[4]  leases
 //	KEYS[5]  keys
+//	KEYS[6]  sequences
+//	KEYS[7]  sequence:ID, if the job is a frame of one
 //	ARGV[1]  epoch of the caller
 //	ARGV[2]  id
 //	returns  {'ok'}, {'fenced'}, {'missing'}
@@ -157,14 +184,33 @@ if key ~= '' then redis.call('HDEL', KEYS[5], key) end
 redis.call('ZREM', KEYS[3], ARGV[2])
 redis.call('ZREM', KEYS[4], ARGV[2])
 redis.call('DEL', KEYS[1], KEYS[2])
+if KEYS[7] and redis.call('HINCRBY', KEYS[7], 'left', -1) <= 0 then
+  local sequence = redis.call('HMGET', KEYS[7], 'id', 'key')
+  if sequence[2] ~= '' then redis.call('HDEL', KEYS[5], sequence[2]) end
+  redis.call('ZREM', KEYS[6], sequence[1])
+  redis.call('DEL', KEYS[7])
+end
 return {'ok'}
 `)
 
 // DeleteJob implements store.Store. A deletion whose answer was lost succeeds when it is repeated
 // within this call; a later call finds no job.
 func (s *Store) DeleteJob(ctx context.Context, epoch uint64, id string) error {
-	keys := []string{s.jobKey(id), s.eventsKey(id), s.key("order"), s.key("leases"), s.key("keys")}
-	err := s.runOnce(ctx, job.ErrNotFound, deleteScript, keys, epoch, id)
+	keys := []string{s.jobKey(id), s.eventsKey(id), s.key("order"), s.key("leases"), s.key("keys"), s.key("sequences")}
+	var sequence string // a job never changes it
+	err := s.try(ctx, func(ctx context.Context) (err error) {
+		if sequence, err = s.client.HGet(ctx, s.jobKey(id), "sequence").Result(); errors.Is(err, goredis.Nil) {
+			err = nil // the job is gone, or from before there were sequences
+		}
+		return err
+	})
+	if err != nil {
+		return wrapJob("delete job", id, err)
+	}
+	if sequence != "" {
+		keys = append(keys, s.sequenceKey(sequence))
+	}
+	err = s.runOnce(ctx, job.ErrNotFound, deleteScript, keys, epoch, id)
 	return wrapJob("delete job", id, err)
 }
 
@@ -240,35 +286,47 @@ func (s *Store) Job(ctx context.Context, id string) (store.Owned, error) {
 	return jobs[0], nil
 }
 
+// JobsByID implements store.Store.
+func (s *Store) JobsByID(ctx context.Context, ids []string) ([]store.Owned, error) {
+	jobs, err := s.read(ctx, ids)
+	return jobs, wrap("get jobs", err)
+}
+
 // Jobs implements store.Store.
 func (s *Store) Jobs(ctx context.Context, before uint64, limit int) ([]store.Owned, error) {
 	var jobs []store.Owned
 	for len(jobs) < limit {
-		below := "+inf"
-		if before > 0 {
-			below = "(" + strconv.FormatUint(before, 10)
-		}
-		var ids []goredis.Z
-		err := s.try(ctx, func(ctx context.Context) (err error) {
-			ids, err = s.client.ZRevRangeByScoreWithScores(ctx, s.key("order"),
-				&goredis.ZRangeBy{Min: "-inf", Max: below, Count: int64(limit - len(jobs))}).Result()
-			return err
-		})
-		if err != nil || len(ids) == 0 {
+		names, last, err := s.below(ctx, "order", before, limit-len(jobs))
+		if err != nil || len(names) == 0 {
 			return jobs, wrap("list jobs", err)
-		}
-		names := make([]string, len(ids))
-		for i, z := range ids {
-			names[i] = fmt.Sprint(z.Member)
 		}
 		page, err := s.read(ctx, names) // fewer if some were deleted meanwhile
 		if err != nil {
 			return nil, wrap("list jobs", err)
 		}
 		jobs = append(jobs, page...)
-		before = uint64(ids[len(ids)-1].Score)
+		before = last
 	}
 	return jobs, nil
+}
+
+// below lists up to limit members of a sorted set with numbers below before, the last first, and the
+// number of the last one listed.
+func (s *Store) below(ctx context.Context, set string, before uint64, limit int) (names []string, last uint64, err error) {
+	most := "+inf"
+	if before > 0 {
+		most = "(" + strconv.FormatUint(before, 10)
+	}
+	err = s.try(ctx, func(ctx context.Context) error {
+		members, err := s.client.ZRevRangeByScoreWithScores(ctx, s.key(set),
+			&goredis.ZRangeBy{Min: "-inf", Max: most, Count: int64(limit)}).Result()
+		names = make([]string, len(members))
+		for i, z := range members {
+			names[i], last = fmt.Sprint(z.Member), uint64(z.Score)
+		}
+		return err
+	})
+	return names, last, err
 }
 
 // Events implements store.Store.

@@ -9,11 +9,15 @@
 //	{prefix}:order        sorted set, job ids by number
 //	{prefix}:leases       sorted set, job ids by the end of their lease in milliseconds; 0 when released;
 //	                      jobs that were released since they ended are not in it
-//	{prefix}:keys         hash, idempotency key to "id fingerprint"
+//	{prefix}:keys         hash, idempotency key to "id fingerprint", of a job or a sequence
 //	{prefix}:members      sorted set, member ids by the end of their membership in milliseconds
 //	{prefix}:addresses    hash, member id to store.Member in JSON
 //	{prefix}:job:ID       hash: record (store.Record in JSON), number, revision, ended ("1" or empty),
-//	                      epoch, owner (empty when released), last (sequence of the last event), key
+//	                      state, epoch, owner (empty when released), last (sequence of the last event), key,
+//	                      sequence (id of the sequence that it is a frame of, or empty)
+//	{prefix}:sequences    sorted set, ids of sequences by number
+//	{prefix}:sequence:ID  hash: id, record (store.Sequence in JSON), number, left (how many of its jobs
+//	                      there are), key
 //	{prefix}:events:ID    stream, ids are SEQUENCE-0, field "e" is job.Event in JSON
 package redis
 
@@ -136,3 +140,5 @@ func (s *Store) key(name string) string { return "{" + s.prefix + "}:" + name }
 
 func (s *Store) jobKey(id string) string    { return s.key("job:" + id) }
 func (s *Store) eventsKey(id string) string { return s.key("events:" + id) }
+
+func (s *Store) sequenceKey(id string) string { return s.key("sequence:" + id) }

@@ -44,6 +44,11 @@ func Run(t *testing.T, newSite func(t *testing.T) Site) {
 		"members come and go":                testMembers,
 		"one of many acquires":               testRace,
 		"one of many creates under each key": testKeyRace,
+		"sequences come with their jobs":     testSequence,
+		"sequences can be created again":     testSequenceRepetition,
+		"sequences end with their last job":  testSequenceEnd,
+		"sequences come newest first":        testSequenceOrder,
+		"one of many creates a sequence":     testSequenceRace,
 	} {
 		t.Run(name, func(t *testing.T) { test(t, newSite(t)) })
 	}

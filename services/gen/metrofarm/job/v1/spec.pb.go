@@ -535,6 +535,117 @@ func (TechniqueCoordinate) EnumDescriptor() ([]byte, []int) {
 	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{8}
 }
 
+// Efficiency of a shutter over the time from open to close.
+type ShutterCurve int32
+
+const (
+	// As SHUTTER_CURVE_BOX.
+	ShutterCurve_SHUTTER_CURVE_UNSPECIFIED ShutterCurve = 0
+	// 1 all the time.
+	ShutterCurve_SHUTTER_CURVE_BOX ShutterCurve = 1
+	// Rises linearly, stays at 1, falls linearly.
+	ShutterCurve_SHUTTER_CURVE_TRAPEZOID ShutterCurve = 2
+	// By shutter_samples.
+	ShutterCurve_SHUTTER_CURVE_TABULATED ShutterCurve = 3
+)
+
+// Enum value maps for ShutterCurve.
+var (
+	ShutterCurve_name = map[int32]string{
+		0: "SHUTTER_CURVE_UNSPECIFIED",
+		1: "SHUTTER_CURVE_BOX",
+		2: "SHUTTER_CURVE_TRAPEZOID",
+		3: "SHUTTER_CURVE_TABULATED",
+	}
+	ShutterCurve_value = map[string]int32{
+		"SHUTTER_CURVE_UNSPECIFIED": 0,
+		"SHUTTER_CURVE_BOX":         1,
+		"SHUTTER_CURVE_TRAPEZOID":   2,
+		"SHUTTER_CURVE_TABULATED":   3,
+	}
+)
+
+func (x ShutterCurve) Enum() *ShutterCurve {
+	p := new(ShutterCurve)
+	*p = x
+	return p
+}
+
+func (x ShutterCurve) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (ShutterCurve) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[9].Descriptor()
+}
+
+func (ShutterCurve) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[9]
+}
+
+func (x ShutterCurve) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use ShutterCurve.Descriptor instead.
+func (ShutterCurve) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{9}
+}
+
+// How light adds up over the shutter's time.
+type Exposure int32
+
+const (
+	// As EXPOSURE_NORMALIZED.
+	Exposure_EXPOSURE_UNSPECIFIED Exposure = 0
+	// The mean of the radiance, weighted by the shutter's efficiency.
+	Exposure_EXPOSURE_NORMALIZED Exposure = 1
+	// The integral of radiance times efficiency over the time in seconds: twice as long gives twice
+	// the light. Refused for an instant shutter.
+	Exposure_EXPOSURE_CAMERA Exposure = 2
+)
+
+// Enum value maps for Exposure.
+var (
+	Exposure_name = map[int32]string{
+		0: "EXPOSURE_UNSPECIFIED",
+		1: "EXPOSURE_NORMALIZED",
+		2: "EXPOSURE_CAMERA",
+	}
+	Exposure_value = map[string]int32{
+		"EXPOSURE_UNSPECIFIED": 0,
+		"EXPOSURE_NORMALIZED":  1,
+		"EXPOSURE_CAMERA":      2,
+	}
+)
+
+func (x Exposure) Enum() *Exposure {
+	p := new(Exposure)
+	*p = x
+	return p
+}
+
+func (x Exposure) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (Exposure) Descriptor() protoreflect.EnumDescriptor {
+	return file_metrofarm_job_v1_spec_proto_enumTypes[10].Descriptor()
+}
+
+func (Exposure) Type() protoreflect.EnumType {
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[10]
+}
+
+func (x Exposure) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use Exposure.Descriptor instead.
+func (Exposure) EnumDescriptor() ([]byte, []int) {
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{10}
+}
+
 // What a film may hold beside the image.
 type DiagnosticLayer int32
 
@@ -575,11 +686,11 @@ func (x DiagnosticLayer) String() string {
 }
 
 func (DiagnosticLayer) Descriptor() protoreflect.EnumDescriptor {
-	return file_metrofarm_job_v1_spec_proto_enumTypes[9].Descriptor()
+	return file_metrofarm_job_v1_spec_proto_enumTypes[11].Descriptor()
 }
 
 func (DiagnosticLayer) Type() protoreflect.EnumType {
-	return &file_metrofarm_job_v1_spec_proto_enumTypes[9]
+	return &file_metrofarm_job_v1_spec_proto_enumTypes[11]
 }
 
 func (x DiagnosticLayer) Number() protoreflect.EnumNumber {
@@ -588,7 +699,7 @@ func (x DiagnosticLayer) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use DiagnosticLayer.Descriptor instead.
 func (DiagnosticLayer) EnumDescriptor() ([]byte, []int) {
-	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{9}
+	return file_metrofarm_job_v1_spec_proto_rawDescGZIP(), []int{11}
 }
 
 // Mutation of primary samples on the unit torus.
@@ -884,9 +995,30 @@ type ResolvedSpec struct {
 	KernelTuning *KernelTuning `protobuf:"bytes,24,opt,name=kernel_tuning,json=kernelTuning,proto3" json:"kernel_tuning,omitempty"`
 	// Layers of the film beside the image (chains), each at most once; they follow the others in the
 	// order of their numbers. DIAGNOSTIC_LAYER_TECHNIQUES only for INTEGRATOR_MMLT.
-	Layers        []DiagnosticLayer `protobuf:"varint,30,rep,packed,name=layers,proto3,enum=metrofarm.job.v1.DiagnosticLayer" json:"layers,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Layers []DiagnosticLayer `protobuf:"varint,30,rep,packed,name=layers,proto3,enum=metrofarm.job.v1.DiagnosticLayer" json:"layers,omitempty"`
+	// Scene time, in seconds, at which the shutter opens. Absent: as the scene's sensor says. Poses
+	// before the first key of what moves are that key's, poses after the last the last one's.
+	ShutterOpen *float64 `protobuf:"fixed64,31,opt,name=shutter_open,json=shutterOpen,proto3,oneof" json:"shutter_open,omitempty"`
+	// Scene time at which it closes, not before shutter_open. Absent: as the scene's sensor says. An
+	// instant shutter, one that closes when it opens, shows everything as it stands then.
+	ShutterClose *float64 `protobuf:"fixed64,32,opt,name=shutter_close,json=shutterClose,proto3,oneof" json:"shutter_close,omitempty"`
+	// Share of the light that the shutter lets through while it is open; unset: a box.
+	ShutterCurve ShutterCurve `protobuf:"varint,33,opt,name=shutter_curve,json=shutterCurve,proto3,enum=metrofarm.job.v1.ShutterCurve" json:"shutter_curve,omitempty"`
+	// SHUTTER_CURVE_TABULATED: efficiencies at equal distances from open to close, linear in between:
+	// 2 to 1024 values, none negative, some above zero. Empty for the others.
+	ShutterSamples []float64 `protobuf:"fixed64,34,rep,packed,name=shutter_samples,json=shutterSamples,proto3" json:"shutter_samples,omitempty"`
+	// SHUTTER_CURVE_TRAPEZOID: shares of the time from open to close in which the efficiency rises
+	// from 0 to 1, and falls again; not negative, together at most 1. 0 for the others.
+	ShutterRampOpen float64 `protobuf:"fixed64,35,opt,name=shutter_ramp_open,json=shutterRampOpen,proto3" json:"shutter_ramp_open,omitempty"`
+	// See shutter_ramp_open.
+	ShutterRampClose float64 `protobuf:"fixed64,36,opt,name=shutter_ramp_close,json=shutterRampClose,proto3" json:"shutter_ramp_close,omitempty"`
+	// What a longer shutter does to the brightness; unset: nothing.
+	Exposure Exposure `protobuf:"varint,37,opt,name=exposure,proto3,enum=metrofarm.job.v1.Exposure" json:"exposure,omitempty"`
+	// Seconds by which the last row of pixels opens and closes after the first; negative: before it.
+	// Rows in between are evenly spread. 0: all at once.
+	RollingShutter float64 `protobuf:"fixed64,38,opt,name=rolling_shutter,json=rollingShutter,proto3" json:"rolling_shutter,omitempty"`
+	unknownFields  protoimpl.UnknownFields
+	sizeCache      protoimpl.SizeCache
 }
 
 func (x *ResolvedSpec) Reset() {
@@ -1092,6 +1224,62 @@ func (x *ResolvedSpec) GetLayers() []DiagnosticLayer {
 		return x.Layers
 	}
 	return nil
+}
+
+func (x *ResolvedSpec) GetShutterOpen() float64 {
+	if x != nil && x.ShutterOpen != nil {
+		return *x.ShutterOpen
+	}
+	return 0
+}
+
+func (x *ResolvedSpec) GetShutterClose() float64 {
+	if x != nil && x.ShutterClose != nil {
+		return *x.ShutterClose
+	}
+	return 0
+}
+
+func (x *ResolvedSpec) GetShutterCurve() ShutterCurve {
+	if x != nil {
+		return x.ShutterCurve
+	}
+	return ShutterCurve_SHUTTER_CURVE_UNSPECIFIED
+}
+
+func (x *ResolvedSpec) GetShutterSamples() []float64 {
+	if x != nil {
+		return x.ShutterSamples
+	}
+	return nil
+}
+
+func (x *ResolvedSpec) GetShutterRampOpen() float64 {
+	if x != nil {
+		return x.ShutterRampOpen
+	}
+	return 0
+}
+
+func (x *ResolvedSpec) GetShutterRampClose() float64 {
+	if x != nil {
+		return x.ShutterRampClose
+	}
+	return 0
+}
+
+func (x *ResolvedSpec) GetExposure() Exposure {
+	if x != nil {
+		return x.Exposure
+	}
+	return Exposure_EXPOSURE_UNSPECIFIED
+}
+
+func (x *ResolvedSpec) GetRollingShutter() float64 {
+	if x != nil {
+		return x.RollingShutter
+	}
+	return 0
 }
 
 // Divides the target: f is the sum, over a sample's splats, of luminance by the map's value at the
@@ -1321,7 +1509,7 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x0facceptance_rule\x18\x05 \x01(\x0e2 .metrofarm.job.v1.AcceptanceRuleR\x0eacceptanceRule\x12*\n" +
 	"\x11after_large_steps\x18\x06 \x01(\bR\x0fafterLargeSteps\x12\x1f\n" +
 	"\vlocal_scale\x18\a \x01(\x01R\n" +
-	"localScale\"\xaf\t\n" +
+	"localScale\"\xcd\f\n" +
 	"\fResolvedSpec\x12<\n" +
 	"\n" +
 	"integrator\x18\x01 \x01(\x0e2\x1c.metrofarm.job.v1.IntegratorR\n" +
@@ -1353,7 +1541,17 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\n" +
 	"target_map\x18\x17 \x01(\v2\x1b.metrofarm.job.v1.TargetMapR\ttargetMap\x12C\n" +
 	"\rkernel_tuning\x18\x18 \x01(\v2\x1e.metrofarm.job.v1.KernelTuningR\fkernelTuning\x129\n" +
-	"\x06layers\x18\x1e \x03(\x0e2!.metrofarm.job.v1.DiagnosticLayerR\x06layers\"7\n" +
+	"\x06layers\x18\x1e \x03(\x0e2!.metrofarm.job.v1.DiagnosticLayerR\x06layers\x12&\n" +
+	"\fshutter_open\x18\x1f \x01(\x01H\x00R\vshutterOpen\x88\x01\x01\x12(\n" +
+	"\rshutter_close\x18  \x01(\x01H\x01R\fshutterClose\x88\x01\x01\x12C\n" +
+	"\rshutter_curve\x18! \x01(\x0e2\x1e.metrofarm.job.v1.ShutterCurveR\fshutterCurve\x12'\n" +
+	"\x0fshutter_samples\x18\" \x03(\x01R\x0eshutterSamples\x12*\n" +
+	"\x11shutter_ramp_open\x18# \x01(\x01R\x0fshutterRampOpen\x12,\n" +
+	"\x12shutter_ramp_close\x18$ \x01(\x01R\x10shutterRampClose\x126\n" +
+	"\bexposure\x18% \x01(\x0e2\x1a.metrofarm.job.v1.ExposureR\bexposure\x12'\n" +
+	"\x0frolling_shutter\x18& \x01(\x01R\x0erollingShutterB\x0f\n" +
+	"\r_shutter_openB\x10\n" +
+	"\x0e_shutter_close\"7\n" +
 	"\tTargetMap\x12\x12\n" +
 	"\x04side\x18\x01 \x01(\rR\x04side\x12\x16\n" +
 	"\x06values\x18\x02 \x03(\x02R\x06values\"b\n" +
@@ -1415,7 +1613,16 @@ const file_metrofarm_job_v1_spec_proto_rawDesc = "" +
 	"\x13TechniqueCoordinate\x12$\n" +
 	" TECHNIQUE_COORDINATE_UNSPECIFIED\x10\x00\x12\x1f\n" +
 	"\x1bTECHNIQUE_COORDINATE_FROZEN\x10\x01\x12 \n" +
-	"\x1cTECHNIQUE_COORDINATE_MUTATED\x10\x02*u\n" +
+	"\x1cTECHNIQUE_COORDINATE_MUTATED\x10\x02*~\n" +
+	"\fShutterCurve\x12\x1d\n" +
+	"\x19SHUTTER_CURVE_UNSPECIFIED\x10\x00\x12\x15\n" +
+	"\x11SHUTTER_CURVE_BOX\x10\x01\x12\x1b\n" +
+	"\x17SHUTTER_CURVE_TRAPEZOID\x10\x02\x12\x1b\n" +
+	"\x17SHUTTER_CURVE_TABULATED\x10\x03*R\n" +
+	"\bExposure\x12\x18\n" +
+	"\x14EXPOSURE_UNSPECIFIED\x10\x00\x12\x17\n" +
+	"\x13EXPOSURE_NORMALIZED\x10\x01\x12\x13\n" +
+	"\x0fEXPOSURE_CAMERA\x10\x02*u\n" +
 	"\x0fDiagnosticLayer\x12 \n" +
 	"\x1cDIAGNOSTIC_LAYER_UNSPECIFIED\x10\x00\x12\x1f\n" +
 	"\x1bDIAGNOSTIC_LAYER_ACCEPTANCE\x10\x01\x12\x1f\n" +
@@ -1433,7 +1640,7 @@ func file_metrofarm_job_v1_spec_proto_rawDescGZIP() []byte {
 	return file_metrofarm_job_v1_spec_proto_rawDescData
 }
 
-var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 10)
+var file_metrofarm_job_v1_spec_proto_enumTypes = make([]protoimpl.EnumInfo, 12)
 var file_metrofarm_job_v1_spec_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
 var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(Integrator)(0),          // 0: metrofarm.job.v1.Integrator
@@ -1445,13 +1652,15 @@ var file_metrofarm_job_v1_spec_proto_goTypes = []any{
 	(AcceptanceRule)(0),      // 6: metrofarm.job.v1.AcceptanceRule
 	(LayerWeights)(0),        // 7: metrofarm.job.v1.LayerWeights
 	(TechniqueCoordinate)(0), // 8: metrofarm.job.v1.TechniqueCoordinate
-	(DiagnosticLayer)(0),     // 9: metrofarm.job.v1.DiagnosticLayer
-	(*Kernel)(nil),           // 10: metrofarm.job.v1.Kernel
-	(*DelayedRejection)(nil), // 11: metrofarm.job.v1.DelayedRejection
-	(*ResolvedSpec)(nil),     // 12: metrofarm.job.v1.ResolvedSpec
-	(*TargetMap)(nil),        // 13: metrofarm.job.v1.TargetMap
-	(*KernelTuning)(nil),     // 14: metrofarm.job.v1.KernelTuning
-	(*AutoDecision)(nil),     // 15: metrofarm.job.v1.AutoDecision
+	(ShutterCurve)(0),        // 9: metrofarm.job.v1.ShutterCurve
+	(Exposure)(0),            // 10: metrofarm.job.v1.Exposure
+	(DiagnosticLayer)(0),     // 11: metrofarm.job.v1.DiagnosticLayer
+	(*Kernel)(nil),           // 12: metrofarm.job.v1.Kernel
+	(*DelayedRejection)(nil), // 13: metrofarm.job.v1.DelayedRejection
+	(*ResolvedSpec)(nil),     // 14: metrofarm.job.v1.ResolvedSpec
+	(*TargetMap)(nil),        // 15: metrofarm.job.v1.TargetMap
+	(*KernelTuning)(nil),     // 16: metrofarm.job.v1.KernelTuning
+	(*AutoDecision)(nil),     // 17: metrofarm.job.v1.AutoDecision
 }
 var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	3,  // 0: metrofarm.job.v1.Kernel.kind:type_name -> metrofarm.job.v1.KernelKind
@@ -1460,20 +1669,22 @@ var file_metrofarm_job_v1_spec_proto_depIdxs = []int32{
 	6,  // 3: metrofarm.job.v1.DelayedRejection.acceptance_rule:type_name -> metrofarm.job.v1.AcceptanceRule
 	0,  // 4: metrofarm.job.v1.ResolvedSpec.integrator:type_name -> metrofarm.job.v1.Integrator
 	2,  // 5: metrofarm.job.v1.ResolvedSpec.light_sampling:type_name -> metrofarm.job.v1.LightSampling
-	10, // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
+	12, // 6: metrofarm.job.v1.ResolvedSpec.kernel:type_name -> metrofarm.job.v1.Kernel
 	1,  // 7: metrofarm.job.v1.ResolvedSpec.under:type_name -> metrofarm.job.v1.Under
-	11, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
+	13, // 8: metrofarm.job.v1.ResolvedSpec.delayed_rejection:type_name -> metrofarm.job.v1.DelayedRejection
 	7,  // 9: metrofarm.job.v1.ResolvedSpec.layer_weights:type_name -> metrofarm.job.v1.LayerWeights
 	8,  // 10: metrofarm.job.v1.ResolvedSpec.technique_coordinate:type_name -> metrofarm.job.v1.TechniqueCoordinate
-	15, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
-	13, // 12: metrofarm.job.v1.ResolvedSpec.target_map:type_name -> metrofarm.job.v1.TargetMap
-	14, // 13: metrofarm.job.v1.ResolvedSpec.kernel_tuning:type_name -> metrofarm.job.v1.KernelTuning
-	9,  // 14: metrofarm.job.v1.ResolvedSpec.layers:type_name -> metrofarm.job.v1.DiagnosticLayer
-	15, // [15:15] is the sub-list for method output_type
-	15, // [15:15] is the sub-list for method input_type
-	15, // [15:15] is the sub-list for extension type_name
-	15, // [15:15] is the sub-list for extension extendee
-	0,  // [0:15] is the sub-list for field type_name
+	17, // 11: metrofarm.job.v1.ResolvedSpec.auto_decision:type_name -> metrofarm.job.v1.AutoDecision
+	15, // 12: metrofarm.job.v1.ResolvedSpec.target_map:type_name -> metrofarm.job.v1.TargetMap
+	16, // 13: metrofarm.job.v1.ResolvedSpec.kernel_tuning:type_name -> metrofarm.job.v1.KernelTuning
+	11, // 14: metrofarm.job.v1.ResolvedSpec.layers:type_name -> metrofarm.job.v1.DiagnosticLayer
+	9,  // 15: metrofarm.job.v1.ResolvedSpec.shutter_curve:type_name -> metrofarm.job.v1.ShutterCurve
+	10, // 16: metrofarm.job.v1.ResolvedSpec.exposure:type_name -> metrofarm.job.v1.Exposure
+	17, // [17:17] is the sub-list for method output_type
+	17, // [17:17] is the sub-list for method input_type
+	17, // [17:17] is the sub-list for extension type_name
+	17, // [17:17] is the sub-list for extension extendee
+	0,  // [0:17] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_job_v1_spec_proto_init() }
@@ -1481,12 +1692,13 @@ func file_metrofarm_job_v1_spec_proto_init() {
 	if File_metrofarm_job_v1_spec_proto != nil {
 		return
 	}
+	file_metrofarm_job_v1_spec_proto_msgTypes[2].OneofWrappers = []any{}
 	type x struct{}
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_job_v1_spec_proto_rawDesc), len(file_metrofarm_job_v1_spec_proto_rawDesc)),
-			NumEnums:      10,
+			NumEnums:      12,
 			NumMessages:   6,
 			NumExtensions: 0,
 			NumServices:   0,

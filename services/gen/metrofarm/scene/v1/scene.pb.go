@@ -411,7 +411,7 @@ type Structure struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// The sensor has an aperture: paths start at points of a lens.
 	Lens bool `protobuf:"varint,1,opt,name=lens,proto3" json:"lens,omitempty"`
-	// Something moves while the shutter is open: paths have a time.
+	// Something moves at some time, whether a shutter is open then or not.
 	Motion bool `protobuf:"varint,2,opt,name=motion,proto3" json:"motion,omitempty"`
 	// Shapes whose material has parts that rays go through unscattered (mask, null), groups' included.
 	MaskedShapes uint32 `protobuf:"varint,3,opt,name=masked_shapes,json=maskedShapes,proto3" json:"masked_shapes,omitempty"`
@@ -429,7 +429,10 @@ type Structure struct {
 	// Lights at infinity.
 	DistantLights uint32 `protobuf:"varint,9,opt,name=distant_lights,json=distantLights,proto3" json:"distant_lights,omitempty"`
 	// Lights seen directly are left out of the image.
-	HideEmitters  bool `protobuf:"varint,10,opt,name=hide_emitters,json=hideEmitters,proto3" json:"hide_emitters,omitempty"`
+	HideEmitters bool `protobuf:"varint,10,opt,name=hide_emitters,json=hideEmitters,proto3" json:"hide_emitters,omitempty"`
+	// When something moves, in ascending order, no two spans touching. A job's paths have a time if
+	// one of them overlaps the time in which its shutter is open for some row.
+	Moving        []*TimeSpan `protobuf:"bytes,11,rep,name=moving,proto3" json:"moving,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -534,6 +537,68 @@ func (x *Structure) GetHideEmitters() bool {
 	return false
 }
 
+func (x *Structure) GetMoving() []*TimeSpan {
+	if x != nil {
+		return x.Moving
+	}
+	return nil
+}
+
+// A time in which something moves.
+type TimeSpan struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Scene time in seconds.
+	Begin float64 `protobuf:"fixed64,1,opt,name=begin,proto3" json:"begin,omitempty"`
+	// Later than begin.
+	End           float64 `protobuf:"fixed64,2,opt,name=end,proto3" json:"end,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *TimeSpan) Reset() {
+	*x = TimeSpan{}
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *TimeSpan) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*TimeSpan) ProtoMessage() {}
+
+func (x *TimeSpan) ProtoReflect() protoreflect.Message {
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use TimeSpan.ProtoReflect.Descriptor instead.
+func (*TimeSpan) Descriptor() ([]byte, []int) {
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{6}
+}
+
+func (x *TimeSpan) GetBegin() float64 {
+	if x != nil {
+		return x.Begin
+	}
+	return 0
+}
+
+func (x *TimeSpan) GetEnd() float64 {
+	if x != nil {
+		return x.End
+	}
+	return 0
+}
+
 // What a worker found on loading a scene.
 type SceneReport struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -584,14 +649,19 @@ type SceneReport struct {
 	// What the scene takes in memory.
 	Memory *MemoryUse `protobuf:"bytes,22,opt,name=memory,proto3" json:"memory,omitempty"`
 	// What decides which features the scene needs.
-	Structure     *Structure `protobuf:"bytes,30,opt,name=structure,proto3" json:"structure,omitempty"`
+	Structure *Structure `protobuf:"bytes,30,opt,name=structure,proto3" json:"structure,omitempty"`
+	// Scene times, in seconds, at which the sensor's shutter opens and closes unless the job says
+	// otherwise.
+	ShutterOpen float64 `protobuf:"fixed64,31,opt,name=shutter_open,json=shutterOpen,proto3" json:"shutter_open,omitempty"`
+	// See shutter_open.
+	ShutterClose  float64 `protobuf:"fixed64,32,opt,name=shutter_close,json=shutterClose,proto3" json:"shutter_close,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
 func (x *SceneReport) Reset() {
 	*x = SceneReport{}
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -603,7 +673,7 @@ func (x *SceneReport) String() string {
 func (*SceneReport) ProtoMessage() {}
 
 func (x *SceneReport) ProtoReflect() protoreflect.Message {
-	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[6]
+	mi := &file_metrofarm_scene_v1_scene_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -616,7 +686,7 @@ func (x *SceneReport) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SceneReport.ProtoReflect.Descriptor instead.
 func (*SceneReport) Descriptor() ([]byte, []int) {
-	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{6}
+	return file_metrofarm_scene_v1_scene_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *SceneReport) GetWidth() uint32 {
@@ -780,6 +850,20 @@ func (x *SceneReport) GetStructure() *Structure {
 	return nil
 }
 
+func (x *SceneReport) GetShutterOpen() float64 {
+	if x != nil {
+		return x.ShutterOpen
+	}
+	return 0
+}
+
+func (x *SceneReport) GetShutterClose() float64 {
+	if x != nil {
+		return x.ShutterClose
+	}
+	return 0
+}
+
 var File_metrofarm_scene_v1_scene_proto protoreflect.FileDescriptor
 
 const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
@@ -807,7 +891,7 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\bgeometry\x18\x01 \x01(\x04R\bgeometry\x12\"\n" +
 	"\facceleration\x18\x02 \x01(\x04R\facceleration\x12\x16\n" +
 	"\x06images\x18\x03 \x01(\x04R\x06images\x12\x16\n" +
-	"\x06lights\x18\x04 \x01(\x04R\x06lights\"\xda\x02\n" +
+	"\x06lights\x18\x04 \x01(\x04R\x06lights\"\x90\x03\n" +
 	"\tStructure\x12\x12\n" +
 	"\x04lens\x18\x01 \x01(\bR\x04lens\x12\x16\n" +
 	"\x06motion\x18\x02 \x01(\bR\x06motion\x12#\n" +
@@ -819,7 +903,12 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\x10environment_maps\x18\b \x01(\rR\x0fenvironmentMaps\x12%\n" +
 	"\x0edistant_lights\x18\t \x01(\rR\rdistantLights\x12#\n" +
 	"\rhide_emitters\x18\n" +
-	" \x01(\bR\fhideEmitters\"\xc6\t\n" +
+	" \x01(\bR\fhideEmitters\x124\n" +
+	"\x06moving\x18\v \x03(\v2\x1c.metrofarm.scene.v1.TimeSpanR\x06moving\"2\n" +
+	"\bTimeSpan\x12\x14\n" +
+	"\x05begin\x18\x01 \x01(\x01R\x05begin\x12\x10\n" +
+	"\x03end\x18\x02 \x01(\x01R\x03end\"\x8e\n" +
+	"\n" +
 	"\vSceneReport\x12\x14\n" +
 	"\x05width\x18\x01 \x01(\rR\x05width\x12\x16\n" +
 	"\x06height\x18\x02 \x01(\rR\x06height\x122\n" +
@@ -846,7 +935,9 @@ const file_metrofarm_scene_v1_scene_proto_rawDesc = "" +
 	"\tinstances\x18\x14 \x01(\rR\tinstances\x121\n" +
 	"\x06lights\x18\x15 \x03(\v2\x19.metrofarm.scene.v1.LightR\x06lights\x125\n" +
 	"\x06memory\x18\x16 \x01(\v2\x1d.metrofarm.scene.v1.MemoryUseR\x06memory\x12;\n" +
-	"\tstructure\x18\x1e \x01(\v2\x1d.metrofarm.scene.v1.StructureR\tstructure\x1a8\n" +
+	"\tstructure\x18\x1e \x01(\v2\x1d.metrofarm.scene.v1.StructureR\tstructure\x12!\n" +
+	"\fshutter_open\x18\x1f \x01(\x01R\vshutterOpen\x12#\n" +
+	"\rshutter_close\x18  \x01(\x01R\fshutterClose\x1a8\n" +
 	"\n" +
 	"BsdfsEntry\x12\x10\n" +
 	"\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n" +
@@ -883,7 +974,7 @@ func file_metrofarm_scene_v1_scene_proto_rawDescGZIP() []byte {
 }
 
 var file_metrofarm_scene_v1_scene_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 12)
+var file_metrofarm_scene_v1_scene_proto_msgTypes = make([]protoimpl.MessageInfo, 13)
 var file_metrofarm_scene_v1_scene_proto_goTypes = []any{
 	(Filter)(0),            // 0: metrofarm.scene.v1.Filter
 	(*BundleFile)(nil),     // 1: metrofarm.scene.v1.BundleFile
@@ -892,29 +983,31 @@ var file_metrofarm_scene_v1_scene_proto_goTypes = []any{
 	(*Light)(nil),          // 4: metrofarm.scene.v1.Light
 	(*MemoryUse)(nil),      // 5: metrofarm.scene.v1.MemoryUse
 	(*Structure)(nil),      // 6: metrofarm.scene.v1.Structure
-	(*SceneReport)(nil),    // 7: metrofarm.scene.v1.SceneReport
-	nil,                    // 8: metrofarm.scene.v1.SceneRef.DefaultsEntry
-	nil,                    // 9: metrofarm.scene.v1.SceneReport.BsdfsEntry
-	nil,                    // 10: metrofarm.scene.v1.SceneReport.EmittersEntry
-	nil,                    // 11: metrofarm.scene.v1.SceneReport.ShapesEntry
-	nil,                    // 12: metrofarm.scene.v1.SceneReport.TexturesEntry
+	(*TimeSpan)(nil),       // 7: metrofarm.scene.v1.TimeSpan
+	(*SceneReport)(nil),    // 8: metrofarm.scene.v1.SceneReport
+	nil,                    // 9: metrofarm.scene.v1.SceneRef.DefaultsEntry
+	nil,                    // 10: metrofarm.scene.v1.SceneReport.BsdfsEntry
+	nil,                    // 11: metrofarm.scene.v1.SceneReport.EmittersEntry
+	nil,                    // 12: metrofarm.scene.v1.SceneReport.ShapesEntry
+	nil,                    // 13: metrofarm.scene.v1.SceneReport.TexturesEntry
 }
 var file_metrofarm_scene_v1_scene_proto_depIdxs = []int32{
 	1,  // 0: metrofarm.scene.v1.BundleManifest.files:type_name -> metrofarm.scene.v1.BundleFile
-	8,  // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
-	0,  // 2: metrofarm.scene.v1.SceneReport.filter:type_name -> metrofarm.scene.v1.Filter
-	9,  // 3: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
-	10, // 4: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
-	11, // 5: metrofarm.scene.v1.SceneReport.shapes:type_name -> metrofarm.scene.v1.SceneReport.ShapesEntry
-	12, // 6: metrofarm.scene.v1.SceneReport.textures:type_name -> metrofarm.scene.v1.SceneReport.TexturesEntry
-	4,  // 7: metrofarm.scene.v1.SceneReport.lights:type_name -> metrofarm.scene.v1.Light
-	5,  // 8: metrofarm.scene.v1.SceneReport.memory:type_name -> metrofarm.scene.v1.MemoryUse
-	6,  // 9: metrofarm.scene.v1.SceneReport.structure:type_name -> metrofarm.scene.v1.Structure
-	10, // [10:10] is the sub-list for method output_type
-	10, // [10:10] is the sub-list for method input_type
-	10, // [10:10] is the sub-list for extension type_name
-	10, // [10:10] is the sub-list for extension extendee
-	0,  // [0:10] is the sub-list for field type_name
+	9,  // 1: metrofarm.scene.v1.SceneRef.defaults:type_name -> metrofarm.scene.v1.SceneRef.DefaultsEntry
+	7,  // 2: metrofarm.scene.v1.Structure.moving:type_name -> metrofarm.scene.v1.TimeSpan
+	0,  // 3: metrofarm.scene.v1.SceneReport.filter:type_name -> metrofarm.scene.v1.Filter
+	10, // 4: metrofarm.scene.v1.SceneReport.bsdfs:type_name -> metrofarm.scene.v1.SceneReport.BsdfsEntry
+	11, // 5: metrofarm.scene.v1.SceneReport.emitters:type_name -> metrofarm.scene.v1.SceneReport.EmittersEntry
+	12, // 6: metrofarm.scene.v1.SceneReport.shapes:type_name -> metrofarm.scene.v1.SceneReport.ShapesEntry
+	13, // 7: metrofarm.scene.v1.SceneReport.textures:type_name -> metrofarm.scene.v1.SceneReport.TexturesEntry
+	4,  // 8: metrofarm.scene.v1.SceneReport.lights:type_name -> metrofarm.scene.v1.Light
+	5,  // 9: metrofarm.scene.v1.SceneReport.memory:type_name -> metrofarm.scene.v1.MemoryUse
+	6,  // 10: metrofarm.scene.v1.SceneReport.structure:type_name -> metrofarm.scene.v1.Structure
+	11, // [11:11] is the sub-list for method output_type
+	11, // [11:11] is the sub-list for method input_type
+	11, // [11:11] is the sub-list for extension type_name
+	11, // [11:11] is the sub-list for extension extendee
+	0,  // [0:11] is the sub-list for field type_name
 }
 
 func init() { file_metrofarm_scene_v1_scene_proto_init() }
@@ -928,7 +1021,7 @@ func file_metrofarm_scene_v1_scene_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_metrofarm_scene_v1_scene_proto_rawDesc), len(file_metrofarm_scene_v1_scene_proto_rawDesc)),
 			NumEnums:      1,
-			NumMessages:   12,
+			NumMessages:   13,
 			NumExtensions: 0,
 			NumServices:   0,
 		},
