@@ -115,6 +115,8 @@ Spec spec_of(const Options& o, const scene::SceneDescription& d) {
   spec.under = o.under;
   spec.path = {o.light_sampling, d.integrator.max_depth, d.integrator.rr_depth,
                d.integrator.hide_emitters};
+  spec.shutter.open = d.sensor.shutter_open;
+  spec.shutter.close = d.sensor.shutter_close;
   spec.width = o.width > 0 ? static_cast<int>(o.width) : d.film.image_width();
   spec.height = o.height > 0 ? static_cast<int>(o.height) : d.film.image_height();
   spec.seed = o.seed;
@@ -201,6 +203,7 @@ Result<Figures> render_chains(const Context& context, const Options& o,
 // Keeps the rays of some paths, to trace them again with nothing around them.
 struct RecordedRays {
   std::vector<Vec3> origin, direction;
+  std::vector<Float> time;
   std::vector<Mask> active;
 };
 
@@ -212,18 +215,20 @@ RecordedRays record_rays(const Context& context) {
     source.begin(first);
     const auto film = source.pair(primary_space::kFilmSlot, all_lanes());
     const auto window = context.whole_raster();
-    auto ray =
-        context.camera().ray(window.x + film.first * window.width,
-                             window.y + film.second * window.height, {Float(0.5F), Float(0.5F)});
+    const Float time = transport::sample_time(context.camera(), source, window, all_lanes());
+    auto ray = context.camera().ray(window.x + film.first * window.width,
+                                    window.y + film.second * window.height,
+                                    {Float(0.5F), Float(0.5F)}, time);
     Mask active = all_lanes();
     for (int bounce = 0; bounce < 6 && any(active); ++bounce) {
       rays.origin.push_back(ray.origin);
       rays.direction.push_back(ray.direction);
+      rays.time.push_back(time);
       rays.active.push_back(active);
-      const auto hits = scene.tracer().intersect(active, ray.origin, ray.direction);
+      const auto hits = scene.tracer().intersect(active, ray.origin, ray.direction, time);
       active = hits.hit;
-      const auto surface =
-          geometry::surface_at(scene.primitives(), hits, ray.origin, ray.direction, {});
+      const auto surface = geometry::surface_at(scene.primitives(), scene.placements(), hits,
+                                                ray.origin, ray.direction, {});
       const auto u =
           source.pair(primary_space::eye_slot(bounce, primary_space::Decision::kDirection), active);
       const Float side = xsimd::copysign(Float(1.F), -dot(surface.geometric_normal, ray.direction));
@@ -243,7 +248,8 @@ double raw_rays_per_second(const Context& context) {
   const double start = cpu_seconds();
   while (cpu_seconds() - start < 1) {
     for (size_t i = 0; i < rays.origin.size(); ++i) {
-      context.scene().tracer().intersect(rays.active[i], rays.origin[i], rays.direction[i]);
+      context.scene().tracer().intersect(rays.active[i], rays.origin[i], rays.direction[i],
+                                         rays.time[i]);
       traced += __builtin_popcount(bits(rays.active[i]));
     }
   }

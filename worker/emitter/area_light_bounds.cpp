@@ -1,10 +1,12 @@
 // What a LightTree wants to know of area lights.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numbers>
 
 #include "emitter/area_lights.h"
 #include "geometry/analytic.h"
+#include "scene/linear.h"
 
 namespace metrofarm::emitter {
 namespace {
@@ -56,6 +58,28 @@ Cone normals_of_triangle(const Primitives& p, const int32_t* index, const Double
   return both.cosine < kLeastUpright ? Cone{both.axis, kAllDirections} : both;
 }
 
+// The box around points that a matrix, 3 x 4, has mapped, and the cone around such normals.
+void carry(LightBounds& b, const std::array<float, 12>& m) {
+  const scene::Matrix whole = {m[0], m[1], m[2],  m[3],  m[4], m[5], m[6], m[7],
+                               m[8], m[9], m[10], m[11], 0,    0,    0,    1};
+  LightBounds carried = b;
+  for (int k = 0; k < 3; ++k) {
+    carried.lower[k] = carried.upper[k] = m[4 * k + 3];
+    for (int j = 0; j < 3; ++j) {
+      const double a0 = m[4 * k + j] * b.lower[j], a1 = m[4 * k + j] * b.upper[j];
+      carried.lower[k] += std::min(a0, a1);
+      carried.upper[k] += std::max(a0, a1);
+    }
+  }
+  const scene::Linear normals = scene::inverse_transpose(scene::linear_part(whole));
+  Double3 axis{};
+  for (int k = 0; k < 3; ++k) {
+    for (int j = 0; j < 3; ++j) axis[k] += normals[3 * k + j] * b.normals.axis[j];
+  }
+  carried.normals.axis = turned(axis, 1 / std::sqrt(dot(axis, axis)));
+  b = carried;
+}
+
 LightBounds bounds_of_triangle(const Primitives& p, size_t triangle, size_t shape) {
   const int32_t* index = &p.indices[3 * triangle];
   Double3 corner[3];
@@ -101,8 +125,23 @@ LightBounds AreaLights::bounds(int light) const {
       }
     }
   }
+  if (instance_[light] != scene::kNone) b = swept(b, static_cast<size_t>(instance_[light]));
   b.intensity = powers_[light] / per_intensity;
   return b;
+}
+
+// Bounds of a light's own space wherever the instance takes them. They only guide the choice of
+// lights: a cone is carried by its axis, and poses between those looked at are left out.
+LightBounds AreaLights::swept(const LightBounds& own, size_t instance) const {
+  const int samples = placements_.moves(instance) ? 4 * (placements_.step_count(instance) - 1) : 0;
+  LightBounds all;
+  for (int i = 0; i <= samples; ++i) {
+    const float time = samples > 0 ? static_cast<float>(i) / static_cast<float>(samples) : 0.F;
+    LightBounds here = own;
+    carry(here, placements_.matrix_at(instance, time));
+    all = i == 0 ? here : bounds_of(all, here);
+  }
+  return all;
 }
 
 }  // namespace metrofarm::emitter

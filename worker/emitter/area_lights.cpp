@@ -25,8 +25,9 @@ Vec2 grid_point(int row) {
 }  // namespace
 
 AreaLights::AreaLights(const scene::SceneDescription& description,
-                       const geometry::Primitives& primitives, const texture::Textures& textures)
-    : primitives_(primitives), textures_(textures) {
+                       const geometry::Primitives& primitives,
+                       const geometry::Placements& placements, const texture::Textures& textures)
+    : primitives_(primitives), placements_(placements), textures_(textures) {
   const size_t shapes = primitives.shapes.size();
   radiance_.assign(3 * shapes + geometry::kSpareFloats, 0.F);
   texture_.assign(shapes, scene::kNone);
@@ -53,10 +54,16 @@ void AreaLights::add_shape(const scene::SceneDescription& description, size_t s)
     const bool usable = area > 0 && std::isfinite(area);
     primitive_.push_back(static_cast<int32_t>(p));
     shape_.push_back(static_cast<int32_t>(s));
+    const int32_t instance = primitives_.instance_of_shape[s];
+    instance_.push_back(instance);
+    keeps_angles_.push_back(
+        instance == scene::kNone || placements_.keeps_angles(static_cast<size_t>(instance)) ? 1
+                                                                                            : 0);
+    has_placed_ = has_placed_ || instance != scene::kNone;
     pdf_area_.push_back(usable ? static_cast<float>(1 / area) : 0.F);
     has_analytic_ = has_analytic_ || primitive_.back() >= primitives_.triangle_count;
     const double mean = colour.texture == scene::kNone ? weight : mean_weight(count() - 1, colour);
-    powers_.push_back(usable ? std::numbers::pi * area * mean : 0.0);
+    powers_.push_back(usable ? std::numbers::pi * area * mean * mean_stretch(count() - 1) : 0.0);
   }
 }
 
@@ -71,10 +78,54 @@ double AreaLights::mean_weight(int light, const scene::Colour& colour) const {
   int rows = 0;
   for (int row = step / 2; row < 8; row += step, ++rows) {
     const Point point = uniform_point(lights, grid_point(row), all_lanes());
-    const Surface surface = surface_of(lights, point, all_lanes());
+    const Surface surface = surface_of(lights, point, Float(0.F), all_lanes());
     sum += sum_of_lanes(weight_of(radiance(shape, surface.point, all_lanes())));
   }
   return std::max(sum / (kLanes * rows), double(kColourShare) * weight_of(colour.value));
+}
+
+// At its middle, over eight times.
+double AreaLights::mean_stretch(int light) const {
+  if (instance_[light] == scene::kNone) return 1;
+  const Int lights(light);
+  const Float times = Float(_mm256_setr_ps(0.5F, 1.5F, 2.5F, 3.5F, 4.5F, 5.5F, 6.5F, 7.5F));
+  Point point = uniform_point(lights, {Float(0.5F), Float(0.5F)}, all_lanes());
+  place(placed(lights, times / Float(8.F), all_lanes()), point);
+  return sum_of_lanes(point.stretch) / kLanes;
+}
+
+AreaLights::Placed AreaLights::placed(Int light, Float time, Mask lanes) const {
+  Placed p;
+  if (!has_placed_) return p;
+  const Int instance = gather(instance_.data(), light, lanes);
+  p.lanes = lanes & ~negative(instance);
+  if (none(p.lanes)) return p;
+  p.keeps_angles = equal(gather(keeps_angles_.data(), light, lanes), Int(1));
+  p.carrier = placements_.at(instance, time, p.lanes);
+  return p;
+}
+
+// From the light's space to the world.
+void AreaLights::place(const Placed& placed, Point& point) {
+  if (none(placed.lanes)) return;
+  const geometry::Carrier& c = placed.carrier;
+  const Vec3 normal = c.inverse.normal(point.normal);
+  const Float length_of_normal = length(normal);
+  point.position = select(placed.lanes, c.pose.point(point.position), point.position);
+  point.normal = select(placed.lanes, normal / length_of_normal, point.normal);
+  point.offset =
+      select(placed.lanes, point.offset * c.offset_factor + c.offset_shift, point.offset);
+  point.stretch =
+      select(placed.lanes, xsimd::abs(c.pose.determinant()) * length_of_normal, Float(1.F));
+}
+
+Float AreaLights::stretch(Int light, const Vec3& normal, Float time, Mask lanes) const {
+  const Placed p = placed(light, time, lanes);
+  if (none(p.lanes)) return Float(1.F);
+  // The normal in the light's space is that of the world under the transpose of the pose.
+  const auto& column = p.carrier.pose.column;
+  const Vec3 local = {dot(column[0], normal), dot(column[1], normal), dot(column[2], normal)};
+  return select(p.lanes, xsimd::abs(p.carrier.pose.determinant()) / length(local), Float(1.F));
 }
 
 Mask AreaLights::analytic(Int light, Mask lanes) const {
@@ -186,23 +237,29 @@ Mask AreaLights::move_to_cap(Int light, const Vec3& reference, Vec2 u, Mask sphe
 }
 
 // The surface as a ray that ends at the point finds it.
-Surface AreaLights::surface_of(Int light, const Point& point, Mask lanes) const {
+Surface AreaLights::surface_of(Int light, const Point& point, Float time, Mask lanes) const {
   geometry::RayHits hits;
   hits.hit = lanes;
   hits.t = Float(0.F);
   hits.u = point.b1;
   hits.v = point.b2;
   hits.primitive = gather(primitive_.data(), light, lanes);
-  hits.instance = Int(-1);
-  return geometry::surface_at(primitives_, hits, point.position, point.normal, {.uv = textured_});
+  hits.instance = has_placed_ ? gather(instance_.data(), light, lanes) : Int(-1);
+  hits.time = time;
+  return geometry::surface_at(primitives_, placements_, hits, point.position, point.normal,
+                              {.uv = textured_});
 }
 
-LightSample AreaLights::sample(Int light, const Vec3& reference, Vec2 u, Mask lanes) const {
+LightSample AreaLights::sample(Int light, const Receiver& receiver, Vec2 u, Mask lanes) const {
+  const Vec3& reference = receiver.position;
   Point point = uniform_point(light, u, lanes);
+  const Placed where = placed(light, receiver.time, lanes);
   Float cap_pdf(0.F);
-  const Mask sphere = of_kind(light, AnalyticKind::kSphere, analytic(light, lanes));
-  const Mask cap =
-      any(sphere) ? move_to_cap(light, reference, u, sphere, point, cap_pdf) : no_lanes();
+  const Mask sphere = sphere_of(light, where, lanes);
+  const Mask cap = any(sphere)
+                       ? move_to_cap(light, local(where, reference), u, sphere, point, cap_pdf)
+                       : no_lanes();
+  place(where, point);
 
   LightSample s;
   // Aim just in front of the light, so that the shadow ray does not meet the light itself.
@@ -218,17 +275,19 @@ LightSample AreaLights::sample(Int light, const Vec3& reference, Vec2 u, Mask la
   Surface surface;
   surface.shape = gather(shape_.data(), light, lanes);
   surface.shading_normal = point.normal;
-  if (smooth_ || textured_) surface = surface_of(light, point, lanes);
+  if (smooth_ || textured_) surface = surface_of(light, point, receiver.time, lanes);
   const Spectrum radiance = emitted(surface, s.direction, lanes);
   s.valid = lanes & not_black(radiance) & (distance2 > Float(0.F)) & (cosine > Float(0.F));
-  const Float pdf_area = gather(pdf_area_.data(), light, lanes);
-  s.pdf_solid_angle = keep(s.valid, select(cap, cap_pdf, pdf_area * distance2 / cosine));
+  s.stretch = point.stretch;
+  s.pdf_solid_angle = keep(
+      s.valid, select(cap, cap_pdf, pdf_area(light, point.stretch, lanes) * distance2 / cosine));
   s.value = keep(s.valid, radiance / s.pdf_solid_angle);
   return s;
 }
 
-Emission AreaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes) const {
-  const Point point = uniform_point(light, position, lanes);
+Emission AreaLights::emit(Int light, Vec2 position, Vec2 direction, Float time, Mask lanes) const {
+  Point point = uniform_point(light, position, lanes);
+  place(placed(light, time, lanes), point);
   Emission e;
   const Vec3 local = square_to_cosine_hemisphere(direction);
   e.direction = frame_around(point.normal).to_world(local);
@@ -236,26 +295,43 @@ Emission AreaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes) 
   e.normal = point.normal;
   e.origin = geometry::offset_origin(point.position, point.normal, point.offset, e.direction);
   e.cosine = local.z;
-  e.pdf = pdf_emission(light, e.cosine, lanes);
+  e.pdf = pdf_emission(light, e.cosine, point.stretch, lanes);
   Surface surface;
   surface.shape = gather(shape_.data(), light, lanes);
   surface.shading_normal = point.normal;
-  if (smooth_ || textured_) surface = surface_of(light, point, lanes);
+  if (smooth_ || textured_) surface = surface_of(light, point, time, lanes);
   const Spectrum found = emitted(surface, -e.direction, lanes);
   e.valid = lanes & (e.pdf > Float(0.F)) & not_black(found);
   e.power = keep(e.valid, found * e.cosine / e.pdf);
   return e;
 }
 
-Float AreaLights::pdf(Int light, const Vec3& reference, const Surface& surface,
+// Spheres whose visible cap is sampled, which takes a space where angles are those of the world.
+Mask AreaLights::sphere_of(Int light, const Placed& where, Mask lanes) const {
+  return where.keeps_angles & of_kind(light, AnalyticKind::kSphere, analytic(light, lanes));
+}
+
+// A point of the world in the light's space.
+Vec3 AreaLights::local(const Placed& where, const Vec3& point) {
+  if (none(where.lanes)) return point;
+  const geometry::Carrier& c = where.carrier;
+  return select(where.lanes, c.inverse.vector(point - c.pose.offset), point);
+}
+
+Float AreaLights::pdf(Int light, const Receiver& receiver, const Surface& surface,
                       const Vec3& direction, Mask lanes) const {
+  const Vec3& reference = receiver.position;
   const Float cosine = xsimd::abs(dot(direction, surface.geometric_normal));
   const Float distance2 = length_squared(surface.position - reference);
-  Float pdf = gather(pdf_area_.data(), light, lanes) * distance2 / cosine;
-  const Mask sphere = of_kind(light, AnalyticKind::kSphere, analytic(light, lanes));
+  const Float stretched =
+      has_placed_ ? stretch(light, surface.geometric_normal, receiver.time, lanes) : Float(1.F);
+  Float pdf = pdf_area(light, stretched, lanes) * distance2 / cosine;
+  Mask sphere = of_kind(light, AnalyticKind::kSphere, analytic(light, lanes));
   if (any(sphere)) {
+    const Placed where = placed(light, receiver.time, sphere);
+    sphere = sphere_of(light, where, sphere);
     Float one_minus_cos;
-    const Mask cap = outside_sphere(light, reference, sphere, one_minus_cos);
+    const Mask cap = outside_sphere(light, local(where, reference), sphere, one_minus_cos);
     pdf = select(cap, Float(1.F) / (Float(2 * kPi) * one_minus_cos), pdf);
   }
   return keep(lanes, pdf);
@@ -290,8 +366,8 @@ Spectrum AreaLights::emitted(const Surface& surface, const Vec3& direction, Mask
 
 uint64_t AreaLights::bytes() const {
   return (pdf_area_.capacity() + radiance_.capacity()) * sizeof(float) +
-         (primitive_.capacity() + shape_.capacity() + texture_.capacity() +
-          first_light_.capacity()) *
+         (primitive_.capacity() + shape_.capacity() + instance_.capacity() +
+          keeps_angles_.capacity() + texture_.capacity() + first_light_.capacity()) *
              sizeof(int32_t);
 }
 

@@ -4,8 +4,9 @@
 
 namespace metrofarm::emitter {
 
-BoundingSphere bounding_sphere(const geometry::Primitives& primitives) {
-  const geometry::Bounds box = geometry::bounds_of(primitives);
+BoundingSphere bounding_sphere(const geometry::Primitives& primitives,
+                               const geometry::Placements& placements) {
+  const geometry::Bounds box = geometry::bounds_of(primitives, placements);
   BoundingSphere sphere;
   if (!(box.upper[0] >= box.lower[0])) return sphere;
   double extent[3];

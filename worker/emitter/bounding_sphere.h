@@ -3,7 +3,7 @@
 
 #include <numbers>
 
-#include "geometry/primitives.h"
+#include "geometry/placements.h"
 #include "math/warp.h"
 
 namespace metrofarm::emitter {
@@ -19,6 +19,7 @@ struct BoundingSphere {
 };
 
 // Around the scene's box, as Mitsuba's; of radius 1 where there is nothing.
-BoundingSphere bounding_sphere(const geometry::Primitives& primitives);
+BoundingSphere bounding_sphere(const geometry::Primitives& primitives,
+                               const geometry::Placements& placements);
 
 }  // namespace metrofarm::emitter

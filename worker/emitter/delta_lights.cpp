@@ -37,6 +37,40 @@ void set_orientation(const scene::Matrix& to_world, float* row) {
   for (int k = 0; k < 9; ++k) row[kWorldToLight + k] = static_cast<float>(inverse[k]);
 }
 
+// From the light's own space, where it is at the origin and shines along +z, to that of its motion.
+scene::Matrix own_place(const scene::Emitter& emitter) {
+  if (const auto* spot = std::get_if<scene::SpotEmitter>(&emitter.model)) return spot->to_world;
+  if (const auto* p = std::get_if<scene::ProjectorEmitter>(&emitter.model)) return p->to_world;
+  if (const auto* point = std::get_if<scene::PointEmitter>(&emitter.model)) {
+    const scene::Point& o = point->position;
+    return {1, 0, 0, o[0], 0, 1, 0, o[1], 0, 0, 1, o[2], 0, 0, 0, 1};
+  }
+  const scene::Point& d = std::get<scene::DirectionalEmitter>(emitter.model).direction;
+  // Any two axes beside it.
+  const double length = std::hypot(d[0], d[1], d[2]);
+  const scene::Point z = {d[0] / length, d[1] / length, d[2] / length};
+  const double sign = std::copysign(1.0, z[2]), a = -1 / (sign + z[2]);
+  const scene::Point x = {1 + sign * z[0] * z[0] * a, sign * z[0] * z[1] * a, -sign * z[0]};
+  const scene::Point y = {z[0] * z[1] * a, sign + z[1] * z[1] * a, -z[1]};
+  return {x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, 0, 0, 0, 1};
+}
+
+// The light as its motion has it at one time.
+scene::Emitter posed(const scene::Emitter& emitter, const scene::Matrix& pose) {
+  scene::Emitter out = emitter;
+  const scene::Matrix m = motion::multiply(pose, own_place(emitter));
+  if (auto* spot = std::get_if<scene::SpotEmitter>(&out.model)) {
+    spot->to_world = m;
+  } else if (auto* projector = std::get_if<scene::ProjectorEmitter>(&out.model)) {
+    projector->to_world = m;
+  } else if (auto* point = std::get_if<scene::PointEmitter>(&out.model)) {
+    point->position = {m[3], m[7], m[11]};
+  } else {
+    std::get<scene::DirectionalEmitter>(out.model).direction = {m[2], m[6], m[10]};
+  }
+  return out;
+}
+
 // The integral of a spot's falloff over directions, sr.
 double spot_solid_angle(double beam, double cutoff) {
   if (cutoff <= beam) return 2 * kPiDouble * (1 - std::cos(cutoff));
@@ -46,19 +80,38 @@ double spot_solid_angle(double beam, double cutoff) {
 }  // namespace
 
 DeltaLights::DeltaLights(const std::vector<scene::Emitter>& emitters, const BoundingSphere& scene,
-                         const texture::Textures& textures)
-    : textures_(textures), scene_(scene) {
+                         const motion::Interval& interval, const texture::Textures& textures)
+    : textures_(textures), scene_(scene), poses_(interval) {
   for (const scene::Emitter& emitter : emitters) {
-    if (const auto* point = std::get_if<scene::PointEmitter>(&emitter.model)) {
-      add(*point);
-    } else if (const auto* spot = std::get_if<scene::SpotEmitter>(&emitter.model)) {
-      add(*spot);
-    } else if (const auto* projector = std::get_if<scene::ProjectorEmitter>(&emitter.model)) {
-      add(*projector);
-    } else if (const auto* parallel = std::get_if<scene::DirectionalEmitter>(&emitter.model)) {
-      add(*parallel);
+    const int before = count();
+    if (emitter.motion.empty()) {
+      add(emitter);
+    } else {
+      add(posed(emitter, motion::Track(emitter.motion).at(interval.begin)));
     }
+    if (count() == before) continue;
+    moving_.push_back(-1);
+    if (!emitter.motion.empty()) set_in_motion(emitter);
   }
+}
+
+void DeltaLights::add(const scene::Emitter& emitter) {
+  if (const auto* point = std::get_if<scene::PointEmitter>(&emitter.model)) {
+    add(*point);
+  } else if (const auto* spot = std::get_if<scene::SpotEmitter>(&emitter.model)) {
+    add(*spot);
+  } else if (const auto* projector = std::get_if<scene::ProjectorEmitter>(&emitter.model)) {
+    add(*projector);
+  } else if (const auto* parallel = std::get_if<scene::DirectionalEmitter>(&emitter.model)) {
+    add(*parallel);
+  }
+}
+
+// Of the light that was added last.
+void DeltaLights::set_in_motion(const scene::Emitter& emitter) {
+  const motion::Track track(emitter.motion);
+  if (!track.moves_during(poses_.interval())) return;
+  moving_.back() = poses_.add(track, own_place(emitter), scene_.radius, scene_.radius);
 }
 
 // The light's row to be filled in, or none where it is dark.
@@ -125,6 +178,17 @@ LightBounds DeltaLights::bounds(int light) const {
   for (int k = 0; k < 3; ++k) b.lower[k] = b.upper[k] = row[kPosition + k];
   b.normals.cosine = kAllDirections;
   b.intensity = powers_[light] / (4 * kPiDouble);
+  if (moving_[light] >= 0) {
+    const auto number = static_cast<size_t>(moving_[light]);
+    for (int i = 0; i < poses_.step_count(number); ++i) {
+      for (int k = 0; k < 3; ++k) {
+        const double at = poses_.steps(number)[i].offset[k];
+        b.lower[k] = std::min(b.lower[k], at);
+        b.upper[k] = std::max(b.upper[k], at);
+      }
+    }
+    return b;
+  }
   if (kind_[light] == kPoint) return b;
   // Squares of lengths in the light's space differ from those in the world where axes are scaled
   // unequally: then angles do too, and the light is taken to shine everywhere.
@@ -182,10 +246,24 @@ Vec3 DeltaLights::column3(Int light, int first, Mask lanes) const {
           gather(table + 2, base, lanes)};
 }
 
-Vec3 DeltaLights::to_local(Int light, const Vec3& v, Mask lanes) const {
-  return {dot(column3(light, kWorldToLight, lanes), v),
-          dot(column3(light, kWorldToLight + 3, lanes), v),
-          dot(column3(light, kWorldToLight + 6, lanes), v)};
+DeltaLights::Place DeltaLights::place_of(Int light, Float time, Mask lanes) const {
+  Place place = {column3(light, kPosition, lanes), {splat(0.F), splat(0.F), splat(0.F)}};
+  if (shaped_) {
+    for (int k = 0; k < 3; ++k) place.to_light[k] = column3(light, kWorldToLight + 3 * k, lanes);
+  }
+  if (!anything_moves()) return place;
+  const Int number = gather(moving_.data(), light, lanes);
+  const Mask moving = lanes & less(Int(-1), number);
+  if (none(moving)) return place;
+  const motion::LanePose pose = poses_.at(number, time, moving);
+  const motion::LaneInverse inverse = motion::inverse_of(pose);
+  // A uniform scale has no meaning for lights.
+  const Float size = xsimd::cbrt(xsimd::abs(pose.determinant()));
+  const Vec3 towards = select(parallel(light, moving), -normalize(pose.column[2]), pose.offset);
+  place.position = select(moving, towards, place.position);
+  for (int k = 0; k < 3; ++k)
+    place.to_light[k] = select(moving, inverse.row[k] * size, place.to_light[k]);
+  return place;
 }
 
 Mask DeltaLights::of_kind(Int light, Kind kind, Mask lanes) const {
@@ -198,13 +276,15 @@ Mask DeltaLights::parallel(Int light, Mask lanes) const {
 }
 
 // Along `direction` (unit, away from the light); of parallel light the irradiance.
-Spectrum DeltaLights::intensity(Int light, const Vec3& direction, Mask lanes) const {
+Spectrum DeltaLights::intensity(Int light, const Place& place, const Vec3& direction,
+                                Mask lanes) const {
   Spectrum result = column3(light, kIntensity, lanes);
   const Mask spot = of_kind(light, kSpot, lanes);
-  if (any(spot)) result = select(spot, spot_intensity(light, direction, spot), result);
+  if (any(spot))
+    result = select(spot, spot_intensity(light, place.to_local(direction), spot), result);
   const Mask projector = of_kind(light, kProjector, lanes);
   if (any(projector)) {
-    const Vec3 local = to_local(light, direction, projector);
+    const Vec3 local = place.to_local(direction);
     // E at distance 1 along the axis is what the image says: intensity E / cos^3.
     const Spectrum seen = projector_irradiance(light, local, projector);
     result = select(projector, seen / (sqr(local.z) * local.z), result);
@@ -212,14 +292,15 @@ Spectrum DeltaLights::intensity(Int light, const Vec3& direction, Mask lanes) co
   return result;
 }
 
-LightSample DeltaLights::sample(Int light, const Vec3& reference, Mask lanes) const {
-  const Vec3 position = column3(light, kPosition, lanes);
-  const Vec3 to_light = position - reference;
+LightSample DeltaLights::sample(Int light, const Receiver& receiver, Mask lanes) const {
+  const Place place = place_of(light, receiver.time, lanes);
+  const Vec3& position = place.position;
+  const Vec3 to_light = position - receiver.position;
   const Float distance2 = length_squared(to_light);
   LightSample s;
   s.distance = xsimd::sqrt(distance2);
   s.direction = to_light / s.distance;
-  Spectrum strength = intensity(light, -s.direction, lanes);
+  Spectrum strength = intensity(light, place, -s.direction, lanes);
   const Mask far = parallel(light, lanes);
   strength = select(far, strength, strength / distance2);
   s.direction = select(far, position, s.direction);
@@ -241,10 +322,10 @@ Spectrum DeltaLights::textured(Int light, const Spectrum& value, Vec2 uv, Mask l
   return select(coloured, value * textures_.colour(texture, point, coloured), value);
 }
 
-// Intensity along `direction`, which leaves the light.
-Spectrum DeltaLights::spot_intensity(Int light, const Vec3& direction, Mask lanes) const {
+// Intensity along a direction of the light's space, which leaves the light.
+Spectrum DeltaLights::spot_intensity(Int light, const Vec3& leaving, Mask lanes) const {
   const auto column = [&](int k) { return gather(rows_.data() + k, light * Int(kStride), lanes); };
-  const Vec3 local = normalize(to_local(light, direction, lanes));
+  const Vec3 local = normalize(leaving);
   const Float angle = xsimd::atan2(xsimd::sqrt(sqr(local.x) + sqr(local.y)), local.z);
   const Float slope = (column(kCutoff) - angle) * column(kPerTransition);
   const Float falloff = select(local.z >= column(kCosBeam), Float(1.F), slope);
@@ -267,18 +348,16 @@ Spectrum DeltaLights::projector_irradiance(Int light, const Vec3& local, Mask la
   return keep(inside, textured(light, column3(light, kIntensity, inside), uv, inside));
 }
 
-// The inverse of to_local(): its rows span a volume of 1 or -1.
-Vec3 DeltaLights::to_world(Int light, const Vec3& local, Mask lanes) const {
-  const Vec3 x = column3(light, kWorldToLight, lanes);
-  const Vec3 y = column3(light, kWorldToLight + 3, lanes);
-  const Vec3 z = column3(light, kWorldToLight + 6, lanes);
+// The inverse of to_local().
+Vec3 DeltaLights::Place::to_world(const Vec3& local) const {
+  const auto& [x, y, z] = to_light;
   const Vec3 across = cross(x, y);
   const Float volume = dot(across, z);
   return (cross(y, z) * local.x + cross(z, x) * local.y + across * local.z) / volume;
 }
 
 // Uniform over the sphere, a spot's cone or a projector's image.
-Vec3 DeltaLights::sample_direction(Int light, Vec2 u, Mask lanes) const {
+Vec3 DeltaLights::sample_direction(Int light, const Place& place, Vec2 u, Mask lanes) const {
   Vec3 direction = square_to_sphere(u);
   if (!shaped_) return direction;
   const Int base = light * Int(kStride);
@@ -289,16 +368,21 @@ Vec3 DeltaLights::sample_direction(Int light, Vec2 u, Mask lanes) const {
                          (u.y - Float(0.5F)) / column(kUvScale + 1), Float(1.F)};
   const Mask turned = spot | of_kind(light, kProjector, lanes);
   const Vec3 local = select(spot, in_cone, on_image);
-  direction = select(turned, normalize(to_world(light, local, turned)), direction);
-  return select(parallel(light, lanes), -column3(light, kPosition, lanes), direction);
+  direction = select(turned, normalize(place.to_world(local)), direction);
+  return select(parallel(light, lanes), -place.position, direction);
 }
 
-Float DeltaLights::pdf_emission(Int light, const Vec3& direction, Mask lanes) const {
+Float DeltaLights::pdf_emission(Int light, const Vec3& direction, Float time, Mask lanes) const {
+  return pdf_emission(light, place_of(light, time, lanes), direction, lanes);
+}
+
+Float DeltaLights::pdf_emission(Int light, const Place& place, const Vec3& direction,
+                                Mask lanes) const {
   const Float everywhere(0.25F * kInvPi);
   if (!shaped_) return everywhere;
   const Int base = light * Int(kStride);
   const auto column = [&](int k) { return gather(rows_.data() + k, base, lanes); };
-  const Vec3 local = to_local(light, direction, lanes);
+  const Vec3 local = place.to_local(direction);
   const Float stretch = length(local);
   const Float cosine = local.z / stretch;
   const Float cone = select(cosine > column(kCosCutoff),
@@ -313,15 +397,16 @@ Float DeltaLights::pdf_emission(Int light, const Vec3& direction, Mask lanes) co
   return select(parallel(light, lanes), Float(1.F / scene_.disk_area()), pdf);
 }
 
-Emission DeltaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes) const {
+Emission DeltaLights::emit(Int light, Vec2 position, Vec2 direction, Float time, Mask lanes) const {
+  const Place place = place_of(light, time, lanes);
   Emission e;
-  e.direction = sample_direction(light, direction, lanes);
-  e.origin = column3(light, kPosition, lanes);
+  e.direction = sample_direction(light, place, direction, lanes);
+  e.origin = place.position;
   const Mask far = parallel(light, lanes);
   if (any(far)) e.origin = select(far, scene_.point_before(e.direction, position), e.origin);
   e.position = e.origin;
-  e.pdf = pdf_emission(light, e.direction, lanes);
-  const Spectrum strength = intensity(light, e.direction, lanes);
+  e.pdf = pdf_emission(light, place, e.direction, lanes);
+  const Spectrum strength = intensity(light, place, e.direction, lanes);
   e.valid = lanes & (e.pdf > Float(0.F)) & not_black(strength);
   e.power = keep(e.valid, strength / e.pdf);
   e.delta = e.valid;
@@ -330,7 +415,8 @@ Emission DeltaLights::emit(Int light, Vec2 position, Vec2 direction, Mask lanes)
 
 uint64_t DeltaLights::bytes() const {
   return rows_.capacity() * sizeof(float) +
-         (kind_.capacity() + texture_.capacity()) * sizeof(int32_t);
+         (kind_.capacity() + texture_.capacity() + moving_.capacity()) * sizeof(int32_t) +
+         poses_.bytes();
 }
 
 }  // namespace metrofarm::emitter

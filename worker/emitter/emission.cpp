@@ -18,16 +18,18 @@ void blend(Mask here, const Emission& e, Emission& result) {
 
 }  // namespace
 
-Emission LightTable::emit(Float choice, Vec2 position, Vec2 direction, Mask lanes) const {
+Emission LightTable::emit(Float choice, Vec2 position, Vec2 direction, Float time,
+                          Mask lanes) const {
   Emission result;
   if (empty()) return result;
   const LightChoice chosen = by_power_.choose(choice, lanes);
   const Int light = chosen.light;
   const auto [area, delta, environment] = kinds_of(light, lanes);
   result.light = light;
-  if (any(area)) blend(area, areas_.emit(light, position, direction, area), result);
+  result.time = time;
+  if (any(area)) blend(area, areas_.emit(light, position, direction, time, area), result);
   if (any(delta))
-    blend(delta, deltas_.emit(delta_index(light), position, direction, delta), result);
+    blend(delta, deltas_.emit(delta_index(light), position, direction, time, delta), result);
   result.power = keep(result.valid, result.power / chosen.probability);
   result.pdf = result.pdf * chosen.probability;
   // The environment knows the probabilities of its parts.
@@ -46,7 +48,7 @@ Float LightTable::direct_density(const Emission& e, const Receiver& receiver, Ma
     geometry::Surface surface;
     surface.position = e.position;
     surface.geometric_normal = e.normal;
-    const Float pdf = areas_.pdf(e.light, reference, surface, -e.direction, area);
+    const Float pdf = areas_.pdf(e.light, receiver, surface, -e.direction, area);
     density = select(area, density * pdf * e.cosine, density);
   }
   if (any(delta)) {
@@ -65,11 +67,12 @@ Float LightTable::emission_over_direct(const LightSample& s, Mask lanes) const {
   if (any(area)) {
     // The cosine of both is left out.
     const Mask front = area & (s.cosine > Float(0.F));
-    ratio = keep(front, pick * areas_.pdf_emission(s.light, Float(1.F), area) / s.pdf_solid_angle);
+    ratio = keep(front, pick * areas_.pdf_emission(s.light, Float(1.F), s.stretch, area) /
+                            s.pdf_solid_angle);
   }
   if (any(delta)) {
     const Int light = delta_index(s.light);
-    const Float pdf = deltas_.pdf_emission(light, -s.direction, delta);
+    const Float pdf = deltas_.pdf_emission(light, -s.direction, s.time, delta);
     const Mask far = deltas_.parallel(light, delta);
     const Float per_pick = pick * pdf / s.pick;
     ratio = select(delta, select(far, per_pick, per_pick / sqr(s.distance)), ratio);
@@ -90,12 +93,13 @@ HitDensity LightTable::density_of_hit(const Receiver& receiver, const geometry::
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
   const Vec3& reference = receiver.position;
   const Float cosine = -dot(direction, surface.geometric_normal);
-  const Float solid_angle = areas_.pdf(light, reference, surface, direction, lit);
+  const Float solid_angle = areas_.pdf(light, receiver, surface, direction, lit);
   const Float distance2 = length_squared(surface.position - reference);
+  const Float stretch = areas_.stretch(light, surface.geometric_normal, receiver.time, lit);
   d.direct = keep(lit, selection_.probability(light, receiver, lit) * solid_angle *
                            xsimd::abs(cosine) / distance2);
-  d.emission =
-      keep(lit, by_power_.probability(light, lit) * areas_.pdf_emission(light, cosine, lit));
+  d.emission = keep(
+      lit, by_power_.probability(light, lit) * areas_.pdf_emission(light, cosine, stretch, lit));
   return d;
 }
 

@@ -14,6 +14,7 @@ void blend(Mask here, const LightSample& s, LightSample& result) {
   result.valid = result.valid | (s.valid & here);
   result.delta = result.delta | (s.delta & here);
   result.cosine = select(here, s.cosine, result.cosine);
+  result.stretch = select(here, s.stretch, result.stretch);
 }
 
 Mask below(Int i, int32_t end) {
@@ -23,11 +24,12 @@ Mask below(Int i, int32_t end) {
 }  // namespace
 
 LightTable::LightTable(const scene::SceneDescription& description,
-                       const geometry::Primitives& primitives, const texture::Images& images,
+                       const geometry::Primitives& primitives,
+                       const geometry::Placements& placements, const texture::Images& images,
                        const texture::Textures& textures)
-    : scene_(bounding_sphere(primitives)),
-      areas_(description, primitives, textures),
-      deltas_(description.emitters, scene_, textures),
+    : scene_(bounding_sphere(primitives, placements)),
+      areas_(description, primitives, placements, textures),
+      deltas_(description.emitters, scene_, placements.interval(), textures),
       environment_(description.emitters, scene_, images) {
   make_distributions();
 }
@@ -69,12 +71,12 @@ LightSample LightTable::sample(const Receiver& receiver, Float choice, Vec2 posi
   if (empty()) return result;
   const LightChoice chosen = selection_.choose(choice, receiver, lanes);
   const Int light = chosen.light;
-  const Vec3& reference = receiver.position;
   const int32_t first_part = areas_.count() + deltas_.count();
   const auto [area, delta, environment] = kinds_of(light, lanes);
   result.light = light;
-  if (any(area)) blend(area, areas_.sample(light, reference, position, area), result);
-  if (any(delta)) blend(delta, deltas_.sample(delta_index(light), reference, delta), result);
+  result.time = receiver.time;
+  if (any(area)) blend(area, areas_.sample(light, receiver, position, area), result);
+  if (any(delta)) blend(delta, deltas_.sample(delta_index(light), receiver, delta), result);
   result.pick = chosen.probability;
   result.value = keep(result.valid, result.value / chosen.probability);
   result.pdf_solid_angle = result.pdf_solid_angle * chosen.probability;
@@ -97,7 +99,7 @@ Float LightTable::pdf_of_hit(const Receiver& receiver, const geometry::RayHits& 
   if (none(lit)) return Float(0.F);
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
   return selection_.probability(light, receiver, lit) *
-         areas_.pdf(light, receiver.position, surface, direction, lit);
+         areas_.pdf(light, receiver, surface, direction, lit);
 }
 
 uint64_t LightTable::bytes() const {

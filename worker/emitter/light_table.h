@@ -8,6 +8,7 @@
 #include "emitter/environment.h"
 #include "emitter/light_sample.h"
 #include "emitter/light_selection.h"
+#include "geometry/placements.h"
 #include "geometry/primitives.h"
 #include "geometry/surface.h"
 #include "texture/images.h"
@@ -25,9 +26,13 @@ struct HitDensity {
 // Immutable; thread-safe.
 class LightTable {
  public:
-  // primitives, images, textures: outlive this.
+  // primitives, placements, images, textures: outlive this.
   LightTable(const scene::SceneDescription& description, const geometry::Primitives& primitives,
-             const texture::Images& images, const texture::Textures& textures);
+             const geometry::Placements& placements, const texture::Images& images,
+             const texture::Textures& textures);
+
+  // Whether a light without extent moves: those with one are shapes.
+  bool anything_moves() const { return deltas_.anything_moves(); }
 
   // A light seen from the receiver. choice picks the light, position a point on it.
   LightSample sample(const Receiver& receiver, Float choice, Vec2 position, Mask lanes) const;
@@ -58,7 +63,7 @@ class LightTable {
   // Every light by its power alone, for choices that know no receiver.
   const WeightTable& by_power() const { return by_power_; }
   // A ray from a light that is chosen by power: its density includes the choice.
-  Emission emit(Float choice, Vec2 position, Vec2 direction, Mask lanes) const;
+  Emission emit(Float choice, Vec2 position, Vec2 direction, Float time, Mask lanes) const;
   // With which sample() from `receiver`, where the ray ends, would find its beginning: by
   // solid angle times the cosine at the light (of point lights: the squared distance; of parallel
   // light: the probability alone).

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "geometry/analytic.h"
-#include "geometry/primitives.h"
+#include "geometry/placements.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -38,20 +38,6 @@ void include(Bounds& bounds, int axis, float low, float high) {
   bounds.upper[axis] = std::max(bounds.upper[axis], high);
 }
 
-Bounds bounds_of_range(const Primitives& p, const PrimitiveRange& range) {
-  Bounds bounds = nothing();
-  const int32_t* indices = p.indices.data() + 3 * size_t(range.first_triangle);
-  for (size_t i = 0; i < 3 * size_t(range.triangle_count); ++i) {
-    const float* v = &p.positions[3 * size_t(indices[i])];
-    for (int k = 0; k < 3; ++k) include(bounds, k, v[k], v[k]);
-  }
-  for (int32_t i = 0; i < range.analytic_count; ++i) {
-    const Bounds b = bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i));
-    for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);
-  }
-  return bounds;
-}
-
 // The box around a box under the instance's transform (Arvo 1990, "Transforming Axis-Aligned
 // Bounding Boxes").
 void include_instance(Bounds& bounds, const Bounds& group, const float* to_world) {
@@ -70,7 +56,48 @@ void include_instance(Bounds& bounds, const Bounds& group, const float* to_world
   }
 }
 
+// Poses at and between the steps, and as much around them as an arc can leave their boxes: what is
+// turned by the half angle a from one pose to the next one looked at lies within its chord's
+// sagitta, reach (1 - cos a), of both boxes' hull.
+void include_moving(Bounds& bounds, const Bounds& group, const Placements& placements, size_t i) {
+  constexpr int kPerStep = 4;
+  const int samples = kPerStep * (placements.step_count(i) - 1);
+  const motion::StepPose* steps = placements.steps(i);
+  double sagitta = 0;
+  double corner = 0;
+  for (int k = 0; k < 3; ++k)
+    corner = std::hypot(corner, std::max(std::fabs(group.lower[k]), std::fabs(group.upper[k])));
+  for (int s = 0; s < placements.step_count(i); ++s) {
+    double stretch = 0;
+    for (float v : steps[s].scale) stretch += std::fabs(v);
+    for (float v : steps[s].skew) stretch += std::fabs(v);
+    sagitta = std::max(sagitta,
+                       stretch * corner * (1 - std::cos(double(steps[s].half_angle) / kPerStep)));
+  }
+  Bounds swept = nothing();
+  for (int s = 0; s <= samples; ++s) {
+    const float time = static_cast<float>(s) / static_cast<float>(samples);
+    include_instance(swept, group, placements.matrix_at(i, time).data());
+  }
+  const auto slack = static_cast<float>(sagitta);
+  for (int k = 0; k < 3; ++k) include(bounds, k, swept.lower[k] - slack, swept.upper[k] + slack);
+}
+
 }  // namespace
+
+Bounds bounds_of(const Primitives& p, const PrimitiveRange& range) {
+  Bounds bounds = nothing();
+  const int32_t* indices = p.indices.data() + 3 * size_t(range.first_triangle);
+  for (size_t i = 0; i < 3 * size_t(range.triangle_count); ++i) {
+    const float* v = &p.positions[3 * size_t(indices[i])];
+    for (int k = 0; k < 3; ++k) include(bounds, k, v[k], v[k]);
+  }
+  for (int32_t i = 0; i < range.analytic_count; ++i) {
+    const Bounds b = bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i));
+    for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);
+  }
+  return bounds;
+}
 
 double area_of(const Primitives& p, uint32_t primitive) {
   if (primitive < static_cast<uint32_t>(p.triangle_count)) return triangle_area(p, primitive);
@@ -87,14 +114,18 @@ double area_of(const Primitives& p, uint32_t primitive) {
   return 0;
 }
 
-Bounds bounds_of(const Primitives& p) {
-  Bounds bounds = bounds_of_range(p, p.world);
+Bounds bounds_of(const Primitives& p, const Placements& placements) {
+  Bounds bounds = bounds_of(p, p.world);
   std::vector<Bounds> groups;
-  for (const PrimitiveRange& group : p.groups) groups.push_back(bounds_of_range(p, group));
-  for (size_t i = 0; i < p.instance_group.size(); ++i) {
-    const auto group = static_cast<size_t>(p.instance_group[i]);
+  for (const PrimitiveRange& group : p.groups) groups.push_back(bounds_of(p, group));
+  for (size_t i = 0; i < p.instances.size(); ++i) {
+    const auto group = static_cast<size_t>(p.instances[i].group);
     if (p.groups[group].empty()) continue;
-    include_instance(bounds, groups[group], &p.instances[i * kInstanceStride]);
+    if (placements.moves(i)) {
+      include_moving(bounds, groups[group], placements, i);
+    } else {
+      include_instance(bounds, groups[group], placements.matrix(i));
+    }
   }
   return bounds;
 }

@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "base/check.h"
-#include "geometry/instances.h"
 #include "scene/linear.h"
 
 namespace metrofarm::geometry {
@@ -76,29 +75,47 @@ class Builder {
     out_.positions.resize(out_.positions.size() + kSpareFloats, 0.F);
     if (totals_.normals) out_.normals.resize(out_.normals.size() + kSpareFloats, 0.F);
     if (totals_.texcoords) out_.texcoords.resize(out_.texcoords.size() + kSpareFloats, 0.F);
-    for (const scene::Instance& instance : description_.instances) {
-      out_.instance_group.push_back(instance.group);
-      append_instance(instance.to_world, out_.instances);
-    }
     return std::move(out_);
   }
 
  private:
   // Shapes outside groups, then those of each group; scenes without groups keep their order.
   void sort_by_group() {
+    place_instances();
     order_.resize(description_.shapes.size());
     std::iota(order_.begin(), order_.end(), 0);
-    const auto group = [&](size_t s) { return description_.shapes[s].group; };
     std::stable_sort(order_.begin(), order_.end(),
-                     [&](size_t a, size_t b) { return group(a) < group(b); });
-    scene::Index last = order_.empty() ? scene::kNone : group(order_.back());
-    for (const scene::Instance& instance : description_.instances)
-      last = std::max(last, instance.group);
-    out_.groups.resize(static_cast<size_t>(last) + 1);
+                     [&](size_t a, size_t b) { return group_of_[a] < group_of_[b]; });
+  }
+
+  // What moves by itself is a group of its own, with one instance.
+  void place_instances() {
+    scene::Index groups = 0;
+    for (const Shape& shape : description_.shapes) {
+      group_of_.push_back(shape.group);
+      groups = std::max(groups, shape.group + 1);
+    }
+    for (size_t i = 0; i < description_.instances.size(); ++i) {
+      const scene::Index group = description_.instances[i].group;
+      out_.instances.push_back({group, static_cast<scene::Index>(i), scene::kNone});
+      groups = std::max(groups, group + 1);
+    }
+    out_.instance_of_shape.assign(description_.shapes.size(), scene::kNone);
+    for (size_t s = 0; s < description_.shapes.size(); ++s) {
+      if (!moves(description_.shapes[s])) continue;
+      group_of_[s] = groups++;
+      out_.instance_of_shape[s] = static_cast<int32_t>(out_.instances.size());
+      out_.instances.push_back({group_of_[s], scene::kNone, static_cast<scene::Index>(s)});
+    }
+    out_.groups.resize(static_cast<size_t>(groups));
+  }
+
+  static bool moves(const Shape& shape) {
+    return shape.group == scene::kNone && !shape.motion.empty();
   }
 
   PrimitiveRange& range_of(int32_t shape) {
-    const scene::Index group = description_.shapes[shape].group;
+    const scene::Index group = group_of_[shape];
     return group == scene::kNone ? out_.world : out_.groups[static_cast<size_t>(group)];
   }
 
@@ -224,7 +241,8 @@ class Builder {
   SceneDescription& description_;
   Totals totals_;
   Primitives out_;
-  std::vector<size_t> order_;  // shapes by group
+  std::vector<scene::Index> group_of_;  // by shape
+  std::vector<size_t> order_;           // shapes by group
 };
 
 }  // namespace
@@ -235,8 +253,8 @@ uint64_t Primitives::bytes() const {
   return sum + bytes_of(positions) + bytes_of(normals) + bytes_of(texcoords) + bytes_of(indices) +
          bytes_of(analytic) + bytes_of(analytic_kind) + bytes_of(shape_of) + bytes_of(shapes) +
          bytes_of(bsdf_of) + bytes_of(normal_sign) + bytes_of(has_normals) +
-         bytes_of(has_texcoords) + bytes_of(groups) + bytes_of(instance_group) +
-         bytes_of(instances);
+         bytes_of(has_texcoords) + bytes_of(groups) + bytes_of(instances) +
+         bytes_of(instance_of_shape);
 }
 
 Primitives build_primitives(SceneDescription& description) {

@@ -39,6 +39,13 @@ struct PrimitiveRange {
   bool empty() const { return triangle_count == 0 && analytic_count == 0; }
 };
 
+// A placement of a group.
+struct InstanceRecord {
+  int32_t group = 0;
+  scene::Index instance = scene::kNone;  // of the description, or
+  scene::Index shape = scene::kNone;     // the shape whose own space the group is
+};
+
 struct Primitives {
   // ---- triangles ----
   // Vertex tables end with kSpareFloats more, for loads that are four floats wide.
@@ -70,18 +77,15 @@ struct Primitives {
 
   // ---- groups and instances ----
   PrimitiveRange world;  // what lies outside groups
+  // The description's groups, then one for each shape outside groups that moves.
   std::vector<PrimitiveRange> groups;
-  std::vector<int32_t> instance_group;  // group of each instance
-  // Per instance kInstanceStride floats: to_world (3 x 4, row major), the inverse transpose of its
-  // linear part (3 x 3, row major), and two numbers a, b by which an offset o of the group becomes
-  // a o + b in the world (see Surface::offset).
-  std::vector<float> instances;
+  std::vector<InstanceRecord> instances;   // the description's, then those of shapes that move
+  std::vector<int32_t> instance_of_shape;  // of a shape that moves; else kNone
 
   uint64_t bytes() const;
 };
 
 inline constexpr int kAnalyticStride = 12;
-inline constexpr int kInstanceStride = 24;
 // Rounding error of a position is proportional to the coordinates it was computed from; this many
 // times float's epsilon covers barycentric interpolation and the next intersection test.
 inline constexpr float kOffsetScale = 128 * 0x1p-23F;
@@ -89,7 +93,7 @@ inline constexpr float kOffsetScale = 128 * 0x1p-23F;
 inline constexpr int kSpareFloats = 4;
 
 // Concatenates the shapes of a scene. Mesh data is moved out of the description; attributes that no
-// texture names are dropped. Requires: matrices of instances are not singular.
+// texture names are dropped.
 Primitives build_primitives(scene::SceneDescription& description);
 
 // Area of one primitive in the space of its group; of a cylinder its lateral surface.
@@ -99,7 +103,7 @@ struct Bounds {
   float lower[3];
   float upper[3];
 };
-// The box around everything that rays can meet, instances included; lower > upper if nothing is.
-Bounds bounds_of(const Primitives& primitives);
+// In the group's space; lower > upper if there is nothing.
+Bounds bounds_of(const Primitives& primitives, const PrimitiveRange& range);
 
 }  // namespace metrofarm::geometry

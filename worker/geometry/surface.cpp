@@ -1,7 +1,6 @@
 #include "geometry/surface.h"
 
 #include "geometry/analytic_surface.h"
-#include "geometry/instances.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -114,28 +113,53 @@ void fill_triangles(const Primitives& p, const RayHits& hits, SurfaceNeeds needs
   if (needs.tangents) fill_derivatives(t, uv, face, s);
 }
 
+// Carries surfaces from their groups' space to the world.
+void place_surface(const Carrier& c, SurfaceNeeds needs, Mask lanes, Surface& s) {
+  const auto normal = [&](const Vec3& n) {
+    return select(lanes, normalize(c.inverse.normal(n)), n);
+  };
+  s.position = select(lanes, c.pose.point(s.position), s.position);
+  s.geometric_normal = normal(s.geometric_normal);
+  s.shading_normal = normal(s.shading_normal);
+  s.offset = select(lanes, s.offset * c.offset_factor + c.offset_shift, s.offset);
+  if (!needs.tangents) return;
+  s.dp_du = select(lanes, c.pose.vector(s.dp_du), s.dp_du);
+  s.dp_dv = select(lanes, c.pose.vector(s.dp_dv), s.dp_dv);
+}
+
+// Where rays end, in the space of the primitive that they meet.
+Vec3 local_end(const Carrier& c, const RayHits& hits, const Vec3& origin, const Vec3& direction,
+               Mask instanced) {
+  const Vec3 end = origin + direction * hits.t;
+  if (none(instanced)) return end;
+  const Vec3 local =
+      c.inverse.vector(origin - c.pose.offset) + c.inverse.vector(direction) * hits.t;
+  return select(instanced, local, end);
+}
+
 }  // namespace
 
-Surface surface_at(const Primitives& p, const RayHits& hits, const Vec3& origin,
-                   const Vec3& direction, SurfaceNeeds needs) {
+Surface surface_at(const Primitives& p, const Placements& placements, const RayHits& hits,
+                   const Vec3& origin, const Vec3& direction, SurfaceNeeds needs) {
   Surface s;
   s.shape = gather(p.shape_of.data(), hits.primitive, hits.hit);
   const Mask triangles = hits.hit & less(hits.primitive, Int(p.triangle_count));
   const Mask analytic = hits.hit & ~triangles;
-  const Mask instanced = p.instances.empty() ? no_lanes() : hits.hit & less(Int(-1), hits.instance);
+  const Mask instanced = placements.empty() ? no_lanes() : hits.hit & less(Int(-1), hits.instance);
+  Carrier carrier;
+  if (any(instanced)) carrier = placements.at(hits.instance, hits.time, instanced);
   fill_triangles(p, hits, needs, triangles, s);
   s.point.primitive = hits.primitive;
   s.point.b1 = hits.u;
   s.point.b2 = hits.v;
   if (any(analytic)) {
-    LocalRay ray = {origin, direction};
-    if (any(analytic & instanced)) ray = ray_in_group(p, hits.instance, ray, analytic & instanced);
-    fill_analytic(p, hits, ray.origin + ray.direction * hits.t, needs, analytic, s);
+    fill_analytic(p, hits, local_end(carrier, hits, origin, direction, analytic & instanced), needs,
+                  analytic, s);
   }
   const Float sign = gather(p.normal_sign.data(), s.shape, hits.hit);
   s.geometric_normal = s.geometric_normal * sign;
   s.shading_normal = s.shading_normal * sign;
-  if (any(instanced)) place_surface(p, hits.instance, needs, instanced, s);
+  if (any(instanced)) place_surface(carrier, needs, instanced, s);
   return s;
 }
 

@@ -1,6 +1,7 @@
 // The surface at a hit: position, normals, and how far a new ray must start from it.
 #pragma once
 
+#include "geometry/placements.h"
 #include "geometry/primitives.h"
 #include "geometry/tracer.h"
 #include "math/warp.h"
@@ -31,10 +32,10 @@ struct Surface {
 };
 
 // Fills lanes where hits.hit; the others are unspecified and may hold NaN.
-Surface surface_at(const Primitives& primitives, const RayHits& hits, const Vec3& origin,
-                   const Vec3& direction, SurfaceNeeds needs);
+Surface surface_at(const Primitives& primitives, const Placements& placements, const RayHits& hits,
+                   const Vec3& origin, const Vec3& direction, SurfaceNeeds needs);
 
-// A point of a shape outside groups.
+// A point of a shape, in the space of its group.
 struct TrianglePoint {
   Vec3 position;
   Vec3 normal;   // unit, before flip_normals: by the winding, or outwards

@@ -92,7 +92,7 @@ void store(float* out, Float value) {
 }
 
 template <class Ray>
-void store_ray(Ray& ray, const Vec3& origin, const Vec3& direction, Float t_max) {
+void store_ray(Ray& ray, const Vec3& origin, const Vec3& direction, Float t_max, Float time) {
   store(ray.org_x, origin.x);
   store(ray.org_y, origin.y);
   store(ray.org_z, origin.z);
@@ -101,7 +101,7 @@ void store_ray(Ray& ray, const Vec3& origin, const Vec3& direction, Float t_max)
   store(ray.dir_z, direction.z);
   store(ray.tnear, Float(0.F));
   store(ray.tfar, t_max);
-  store(ray.time, Float(0.F));
+  store(ray.time, time);
   const __m256i all = _mm256_set1_epi32(-1);
   _mm256_store_si256(reinterpret_cast<__m256i*>(ray.mask), all);
   _mm256_store_si256(reinterpret_cast<__m256i*>(ray.flags), _mm256_setzero_si256());
@@ -115,6 +115,7 @@ void store_valid(int* valid, Mask active) {
 
 struct Tracer::Impl {
   const Primitives& primitives;
+  const Placements& placements;
   Memory memory = {};
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
@@ -124,7 +125,8 @@ struct Tracer::Impl {
   // Number of the first triangle and of the first analytic shape that each instance shows.
   std::vector<int32_t> first_triangle = {}, first_analytic = {};
 
-  Impl(const Primitives& p, std::string_view isa, uint64_t max_bytes) : primitives(p) {
+  Impl(const Primitives& p, const Placements& where, std::string_view isa, uint64_t max_bytes)
+      : primitives(p), placements(where) {
     // One build thread: the order of triangles in the tree, which decides ties, must not depend on
     // the number of cores.
     const std::string config = "threads=1,isa=" + std::string(isa);
@@ -194,8 +196,8 @@ struct Tracer::Impl {
   void add_instances() {
     const Primitives& p = primitives;
     groups.resize(p.groups.size(), nullptr);
-    for (size_t i = 0; i < p.instance_group.size(); ++i) {
-      const auto group = static_cast<size_t>(p.instance_group[i]);
+    for (size_t i = 0; i < p.instances.size(); ++i) {
+      const auto group = static_cast<size_t>(p.instances[i].group);
       const PrimitiveRange& range = p.groups[group];
       first_triangle.push_back(range.first_triangle);
       first_analytic.push_back(p.triangle_count + range.first_analytic);
@@ -207,9 +209,22 @@ struct Tracer::Impl {
       }
       RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
       rtcSetGeometryInstancedScene(geometry, groups[group]);
-      rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
-                              &p.instances[i * kInstanceStride]);
+      place(geometry, i);
       attach(scene, geometry, kFirstInstance + static_cast<unsigned>(i));
+    }
+  }
+
+  void place(RTCGeometry geometry, size_t instance) const {
+    if (!placements.moves(instance)) {
+      return rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
+                                     placements.matrix(instance));
+    }
+    const int steps = placements.step_count(instance);
+    rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(steps));
+    for (int i = 0; i < steps; ++i) {
+      const RTCQuaternionDecomposition step =
+          embree::quaternion_decomposition(placements.steps(instance)[i]);
+      rtcSetGeometryTransformQuaternion(geometry, static_cast<unsigned>(i), &step);
     }
   }
 
@@ -233,18 +248,20 @@ struct Tracer::Impl {
   }
 };
 
-Tracer::Tracer(const Primitives& primitives, std::string_view isa, uint64_t max_bytes)
-    : impl_(std::make_unique<Impl>(primitives, isa, max_bytes)) {
+Tracer::Tracer(const Primitives& primitives, const Placements& placements, std::string_view isa,
+               uint64_t max_bytes)
+    : impl_(std::make_unique<Impl>(primitives, placements, isa, max_bytes)) {
   impl_->build();
 }
 
 Tracer::~Tracer() = default;
 
-RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction) const {
+RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction,
+                          Float time) const {
   alignas(32) RTCRayHit8 rays;
   alignas(32) int valid[kLanes];
   store_valid(valid, active);
-  store_ray(rays.ray, origin, direction, Float(std::numeric_limits<float>::infinity()));
+  store_ray(rays.ray, origin, direction, Float(std::numeric_limits<float>::infinity()), time);
   const auto at = [](unsigned* words) { return reinterpret_cast<__m256i*>(words); };
   const __m256i invalid = _mm256_set1_epi32(-1);
   _mm256_store_si256(at(rays.hit.geomID), invalid);
@@ -261,16 +278,18 @@ RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction
   hits.v = Float::load_aligned(rays.hit.v);
   hits.primitive = select(analytic, primitive + impl_->analytic_offset, primitive);
   hits.instance = Int(-1);
+  hits.time = time;
   if (!impl_->first_triangle.empty())
     impl_->resolve_instances(Int(_mm256_load_si256(at(rays.hit.instID[0]))), analytic, hits);
   return hits;
 }
 
-Mask Tracer::occluded(Mask active, const Vec3& origin, const Vec3& direction, Float t_max) const {
+Mask Tracer::occluded(Mask active, const Vec3& origin, const Vec3& direction, Float t_max,
+                      Float time) const {
   alignas(32) RTCRay8 rays;
   alignas(32) int valid[kLanes];
   store_valid(valid, active);
-  store_ray(rays, origin, direction, t_max);
+  store_ray(rays, origin, direction, t_max, time);
   embree::occluded8(valid, impl_->scene, &rays);
   return active & (Float::load_aligned(rays.tfar) < Float(0.F));
 }

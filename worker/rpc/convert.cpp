@@ -97,6 +97,8 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   list_lights(d, report);
   fill_memory(scene, report);
   *report.mutable_structure() = structure_of(d);
+  report.set_shutter_open(d.sensor.shutter_open);
+  report.set_shutter_close(d.sensor.shutter_close);
   report.set_load_seconds(times.load_seconds);
   report.set_build_seconds(times.build_seconds);
   list_warnings(d.warnings, report);

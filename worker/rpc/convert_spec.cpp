@@ -154,6 +154,32 @@ Result<Spec> with_chains(const ResolvedSpec& s, Spec spec) {
   return spec;
 }
 
+Result<sensor::ShutterSettings> to_shutter(const ResolvedSpec& s,
+                                           const metrofarm::scene::Sensor& sensor) {
+  sensor::ShutterSettings shutter;
+  shutter.open = s.has_shutter_open() ? s.shutter_open() : sensor.shutter_open;
+  shutter.close = s.has_shutter_close() ? s.shutter_close() : sensor.shutter_close;
+  if (s.shutter_curve() == job::v1::SHUTTER_CURVE_TRAPEZOID) {
+    shutter.curve = sensor::ShutterCurve::kTrapezoid;
+  } else if (s.shutter_curve() == job::v1::SHUTTER_CURVE_TABULATED) {
+    shutter.curve = sensor::ShutterCurve::kTabulated;
+  } else if (s.shutter_curve() != job::v1::SHUTTER_CURVE_BOX &&
+             s.shutter_curve() != job::v1::SHUTTER_CURVE_UNSPECIFIED) {
+    return unknown("shutter_curve");
+  }
+  shutter.samples.assign(s.shutter_samples().begin(), s.shutter_samples().end());
+  shutter.ramp_open = s.shutter_ramp_open();
+  shutter.ramp_close = s.shutter_ramp_close();
+  if (s.exposure() == job::v1::EXPOSURE_CAMERA) {
+    shutter.exposure = sensor::Exposure::kCamera;
+  } else if (s.exposure() != job::v1::EXPOSURE_NORMALIZED &&
+             s.exposure() != job::v1::EXPOSURE_UNSPECIFIED) {
+    return unknown("exposure");
+  }
+  shutter.rolling = s.rolling_shutter();
+  return shutter;
+}
+
 }  // namespace
 
 Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescription& scene) {
@@ -178,6 +204,9 @@ Result<Spec> to_spec(const ResolvedSpec& s, const metrofarm::scene::SceneDescrip
   // Not known yet while the bootstrap runs, which does not need it.
   spec.unit = s.unit() == 0 ? 1 : s.unit();
   spec.blocks_per_segment = std::max(1U, s.blocks_per_segment());
+  auto shutter = to_shutter(s, scene.sensor);
+  if (!shutter) return shutter.error();
+  spec.shutter = std::move(shutter.value());
   if (const std::string problem = work_unit::problem_with(spec); !problem.empty())
     return Error{"spec: " + problem};
   if (!film::Filter::fits(scene.film.filter_radius))

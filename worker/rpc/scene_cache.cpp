@@ -41,6 +41,25 @@ Error relative(Error error, const fs::path& bundle) {
 
 }  // namespace
 
+LoadedScene::LoadedScene(metrofarm::scene::SceneDescription description, std::string_view isa,
+                         uint64_t max_bytes)
+    : scene_(std::make_shared<transport::Scene>(std::move(description), isa, max_bytes)) {}
+
+std::shared_ptr<const transport::Scene> LoadedScene::during(
+    const motion::Interval& interval) const {
+  if (scene_->stands_still() || scene_->interval() == interval) return scene_;
+  const std::lock_guard lock(mutex_);
+  for (auto it = others_.begin(); it != others_.end(); ++it) {
+    if ((*it)->interval() != interval) continue;
+    others_.splice(others_.begin(), others_, it);
+    return others_.front();
+  }
+  // Room first: frames come one after the other.
+  constexpr size_t kMostOthers = 2;
+  if (others_.size() == kMostOthers) others_.pop_back();
+  return others_.emplace_front(std::make_shared<transport::Scene>(*scene_, interval));
+}
+
 SceneCache::SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log)
     : options_(std::move(options)),
       metrics_(metrics),
@@ -58,7 +77,7 @@ std::optional<LoadFault> SceneCache::get(const SceneRef& ref, const Fetch& fetch
   }
   shrink(options_.scene_memory / 2, kScenes - 1);
   if (auto fault = load(ref, fetch, progress, scene)) return fault;
-  scenes_.push_front({key, scene, scene->scene->bytes().total()});
+  scenes_.push_front({key, scene, scene->scene().bytes().total()});
   shrink(options_.scene_memory, kScenes);
   return std::nullopt;
 }
@@ -99,19 +118,19 @@ std::optional<LoadFault> SceneCache::load(const SceneRef& ref, const Fetch& fetc
   }
   for (Error& warning : description.value().warnings) warning = relative(warning, pin.directory);
 
-  auto loaded = std::make_shared<LoadedScene>();
-  loaded->times.load_seconds = seconds_since(load_start);
+  std::shared_ptr<LoadedScene> loaded;
+  const double load_seconds = seconds_since(load_start);
   progress(1, "building the acceleration structure");
   const auto build_start = std::chrono::steady_clock::now();
   try {
-    loaded->scene = std::make_unique<transport::Scene>(std::move(description.value()), options_.isa,
-                                                       options_.scene_memory);
+    loaded = std::make_shared<LoadedScene>(std::move(description.value()), options_.isa,
+                                           options_.scene_memory);
   } catch (const std::bad_alloc&) {
     return LoadFault{LoadFault::Kind::kWorker,
                      "geometry and acceleration structure take more than the worker's " +
                          std::to_string(options_.scene_memory) + " bytes of --scene-memory"};
   }
-  loaded->times.build_seconds = seconds_since(build_start);
+  loaded->times = {load_seconds, seconds_since(build_start)};
   scene = std::move(loaded);
   return std::nullopt;
 }

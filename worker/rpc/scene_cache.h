@@ -17,9 +17,24 @@
 
 namespace metrofarm::rpc {
 
-struct LoadedScene {
-  std::unique_ptr<transport::Scene> scene;
+// A scene, and the same scene while other shutters than the sensor's own are open. Thread-safe.
+class LoadedScene {
+ public:
+  LoadedScene(metrofarm::scene::SceneDescription description, std::string_view isa,
+              uint64_t max_bytes);
+
   LoadTimes times;
+
+  // While the sensor's own shutter is open.
+  const transport::Scene& scene() const { return *scene_; }
+  // All that does not depend on the interval is shared, and so is the rest where nothing moves.
+  // Throws std::bad_alloc.
+  std::shared_ptr<const transport::Scene> during(const motion::Interval& interval) const;
+
+ private:
+  std::shared_ptr<const transport::Scene> scene_;
+  mutable std::mutex mutex_;
+  mutable std::list<std::shared_ptr<const transport::Scene>> others_;  // last used first
 };
 
 struct SceneCacheOptions {

@@ -1,6 +1,9 @@
 #include "rpc/structure.h"
 
 #include <algorithm>
+#include <vector>
+
+#include "motion/track.h"
 
 namespace metrofarm::rpc {
 namespace {
@@ -46,10 +49,27 @@ class MaterialTraits {
   const SceneDescription& scene_;
 };
 
-bool moves(const SceneDescription& d) {
-  const auto animated = [](const auto& element) { return element.keys.size() > 1; };
-  return animated(d.sensor) || std::ranges::any_of(d.shapes, animated) ||
-         std::ranges::any_of(d.instances, animated);
+// When something moves, the sensor included: ascending, none touching another.
+std::vector<motion::Interval> moving_spans(const SceneDescription& d) {
+  std::vector<motion::Interval> spans;
+  const auto add = [&](const metrofarm::scene::Motion& motion) {
+    if (motion.empty()) return;
+    for (const motion::Interval& span : motion::Track(motion).moving()) spans.push_back(span);
+  };
+  add(d.sensor.motion);
+  for (const auto& shape : d.shapes) add(shape.motion);
+  for (const auto& instance : d.instances) add(instance.motion);
+  for (const auto& emitter : d.emitters) add(emitter.motion);
+  std::ranges::sort(spans, {}, &motion::Interval::begin);
+  std::vector<motion::Interval> merged;
+  for (const motion::Interval& span : spans) {
+    if (!merged.empty() && span.begin <= merged.back().end) {
+      merged.back().end = std::max(merged.back().end, span.end);
+    } else {
+      merged.push_back(span);
+    }
+  }
+  return merged;
 }
 
 void count_lights(const SceneDescription& d, metrofarm::scene::v1::Structure& out) {
@@ -77,7 +97,12 @@ metrofarm::scene::v1::Structure structure_of(const SceneDescription& d) {
   metrofarm::scene::v1::Structure out;
   out.set_lens(d.sensor.projection == metrofarm::scene::Projection::kThinLens &&
                d.sensor.aperture_radius > 0);
-  out.set_motion(moves(d));
+  for (const motion::Interval& span : moving_spans(d)) {
+    metrofarm::scene::v1::TimeSpan& moving = *out.add_moving();
+    moving.set_begin(span.begin);
+    moving.set_end(span.end);
+  }
+  out.set_motion(out.moving_size() > 0);
   const MaterialTraits materials(d);
   uint32_t masked = 0, smooth = 0;
   for (const auto& shape : d.shapes) {

@@ -107,9 +107,10 @@ void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
   const Task& first = order.tasks.front();
   if (first.has_inspect()) return settle(order, run_inspect(scene, first));
   order.leases.set_activity("rendering");
-  const auto spec = to_spec(first.spec(), scene.scene->description());
+  const auto spec = to_spec(first.spec(), scene.scene().description());
   if (!spec) return fail(order, farm::v1::FAILURE_REASON_WORKER, spec.error().to_string());
-  const Context context(*scene.scene, spec.value());
+  const auto at_that_time = scene.during(work_unit::interval_of(spec.value()));
+  const Context context(*at_that_time, spec.value());
   if (!first.has_bootstrap() && !first.has_kernel_trials())
     return run_segments(context, segments_of(order.tasks), order);
   for (const Task& task : order.tasks) {
@@ -122,7 +123,7 @@ void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
 farm::v1::ReportRequest TaskRunner::run_inspect(const LoadedScene& scene, const Task& task) {
   farm::v1::ReportRequest report;
   fill_lease(task, *report.mutable_lease());
-  *report.mutable_scene() = to_report(*scene.scene, scene.times);
+  *report.mutable_scene() = to_report(scene.scene(), scene.times);
   return report;
 }
 

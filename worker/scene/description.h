@@ -129,10 +129,29 @@ struct Cylinder {
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 };
 
+// A rotation as a file writes it: more than half a turn is more than its matrix tells.
+struct Turn {
+  Point axis = {0, 0, 1};
+  double degrees = 0;
+};
+
 // Where something is at a time: the file's to_world there. Times grow from key to key.
 struct Keyframe {
   double time = 0;
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  std::vector<Turn> turns = {};  // all that to_world is made of, in order, if known
+  // Control points of a Bezier path, before and after the key: where to_world puts the origin.
+  Point in = {0, 0, 0}, out = {0, 0, 0};
+};
+
+// How the origin goes from key to key.
+enum class MotionPath { kLinear, kCatmullRom, kBezier };
+
+// See motion::Track for what is between the keys. Without keys there is no motion.
+struct Motion {
+  std::vector<Keyframe> keys;
+  MotionPath path = MotionPath::kLinear;
+  bool empty() const { return keys.empty(); }
 };
 
 struct Shape {
@@ -143,7 +162,8 @@ struct Shape {
   std::string id = {};         // as the file names it, for messages; may be empty
   SourceLocation where = {};
   Index group = kNone;  // the shape is part of this group and seen through its instances only
-  std::vector<Keyframe> keys = {};  // of an animated shape; geometry stands as at shutter_open
+  // Of a shape outside groups: geometry is in the shape's own space, which moves.
+  Motion motion = {};
 };
 
 // One placement of a group (groups are numbered from 0 by their shapes).
@@ -151,7 +171,7 @@ struct Instance {
   Matrix to_world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   Index group = kNone;
   SourceLocation where = {};
-  std::vector<Keyframe> keys = {};  // of an animated instance; to_world is that at shutter_open
+  Motion motion = {};  // comes after to_world
 };
 
 // ---- materials ----
@@ -369,6 +389,7 @@ struct Emitter {
                EnvironmentEmitter, ProjectorEmitter>
       model;
   SourceLocation where;
+  Motion motion = {};  // of lights without extent, which are in a space that moves
 };
 
 // ---- sensor and film ----
@@ -389,8 +410,8 @@ struct Sensor {
   double aperture_radius = 0;           // thin lens, scene units
   double focus_distance = 1;            // thin lens, along +z
   SourceLocation where = {};
-  std::vector<Keyframe> keys = {};  // of a moving sensor; to_world is that at shutter_open
-  double shutter_open = 0;          // times of the keys
+  Motion motion = {};       // comes after to_world
+  double shutter_open = 0;  // times as those of keys
   double shutter_close = 0;
 };
 
@@ -438,5 +459,8 @@ struct SceneDescription {
   IntegratorSettings integrator;
   std::vector<Error> warnings;  // accepted, but worth telling the user
 };
+
+// Whether anything that rays meet moves, or a light; the sensor does not count.
+bool has_motion(const SceneDescription& scene);
 
 }  // namespace metrofarm::scene

@@ -97,11 +97,19 @@ std::optional<Error> check_extent(const Box& box, const char* what, const Source
                where};
 }
 
+std::optional<Error> check_motion(const Box& box, const scene::Motion& motion, const char* what,
+                                  const SourceLocation& where) {
+  for (const scene::Keyframe& key : motion.keys)
+    if (auto error = check_extent(box.under(key.to_world), what, where)) return error;
+  return std::nullopt;
+}
+
 std::optional<Error> check_extents(const scene::SceneDescription& scene) {
   std::vector<Box> groups;
   for (const scene::Shape& shape : scene.shapes) {
     const Box box = box_of(shape);
     if (auto error = check_extent(box, "the shape", shape.where)) return error;
+    if (auto error = check_motion(box, shape.motion, "the shape", shape.where)) return error;
     if (shape.group == scene::kNone) continue;
     const auto group = static_cast<size_t>(shape.group);
     if (group >= groups.size()) groups.resize(group + 1);
@@ -112,6 +120,8 @@ std::optional<Error> check_extents(const scene::SceneDescription& scene) {
     if (group >= groups.size()) continue;
     const Box box = groups[group].under(instance.to_world);
     if (auto error = check_extent(box, "the instance", instance.where)) return error;
+    if (auto error = check_motion(box, instance.motion, "the instance", instance.where))
+      return error;
   }
   return std::nullopt;
 }

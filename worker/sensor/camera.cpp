@@ -48,17 +48,25 @@ Vec2 square_to_concentric_disk(Vec2 u) {
 }  // namespace
 
 Camera::Camera(const Sensor& sensor, const Film& film, int width, int height)
+    : Camera(sensor, film, width, height, Shutter({.open = sensor.shutter_open}, height), {}) {}
+
+Camera::Camera(const Sensor& sensor, const Film& film, int width, int height,
+               const Shutter& shutter, const Surroundings& surroundings)
     : near_(static_cast<float>(sensor.near_clip)),
       far_(static_cast<float>(sensor.far_clip)),
       orthographic_(sensor.projection == Projection::kOrthographic),
-      has_lens_(sensor.projection == Projection::kThinLens && sensor.aperture_radius > 0) {
+      has_lens_(sensor.projection == Projection::kThinLens && sensor.aperture_radius > 0),
+      shutter_(shutter),
+      poses_(shutter.interval()) {
+  const scene::Matrix to_world = stand(sensor, surroundings.radius);
+  has_time_ = moves() || surroundings.moves;
   const Window w = window_of(sensor, film, width, height);
   const double left = w.center_x + 0.5 * w.per_pixel * width;
   const double top = w.center_y + 0.5 * w.per_pixel * height;
   const double radius = has_lens_ ? sensor.aperture_radius : 0;
   if (has_lens_) inverse_focus_ = static_cast<float>(1 / sensor.focus_distance);
   for (int row = 0; row < 3; ++row) {
-    const double* axis = &sensor.to_world[size_t{4} * row];
+    const double* axis = &to_world[size_t{4} * row];
     const auto set = [&](Axis& a, double value) { a.v[row] = static_cast<float>(value); };
     set(origin_, axis[3]);
     set(forward_, axis[2]);
@@ -69,6 +77,16 @@ Camera::Camera(const Sensor& sensor, const Film& film, int width, int height)
     set(lens_y_, axis[1] * radius);
   }
   invert_plane();
+}
+
+// The matrix of the axes; if the camera moves its motion comes on top.
+scene::Matrix Camera::stand(const Sensor& sensor, double radius) {
+  if (sensor.motion.empty()) return sensor.to_world;
+  const motion::Track track(sensor.motion);
+  if (!track.moves_during(poses_.interval()))
+    return motion::multiply(track.at(poses_.interval().begin), sensor.to_world);
+  poses_.add(track, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, radius, radius);
+  return sensor.to_world;
 }
 
 // Cramer's rule: the rows are cross products of the columns over their determinant.
@@ -100,7 +118,7 @@ Vec3 Camera::aperture(Vec2 lens) const {
   return d.x * splat_of(lens_x_) + d.y * splat_of(lens_y_);
 }
 
-CameraRay Camera::ray(Float x, Float y, Vec2 lens) const {
+CameraRay Camera::ray(Float x, Float y, Vec2 lens, Float time) const {
   const Vec3 on_plane = splat_of(corner_) + x * splat_of(step_x_) + y * splat_of(step_y_);
   // The step along the ray per unit of depth in camera space, and where depth is 0.
   Vec3 step = orthographic_ ? splat_of(forward_) : on_plane;
@@ -110,30 +128,50 @@ CameraRay Camera::ray(Float x, Float y, Vec2 lens) const {
     start = start + on_lens;
     step = step - on_lens * Float(inverse_focus_);
   }
+  if (moves()) {
+    const motion::LanePose pose = pose_at(time);
+    start = pose.point(start);
+    step = pose.vector(step);
+  }
   const Float stretch = length(step);
   // As in Mitsuba, the far clip plane of an orthographic camera doesn't scale with its matrix.
   const Float depth(far_ - near_);
   return {start + step * Float(near_), step * (Float(1.F) / stretch),
-          orthographic_ ? depth : depth * stretch, Float(near_) * stretch};
+          orthographic_ ? depth : depth * stretch, Float(near_) * stretch, time};
 }
 
 // A raster step moves `step` by step_x_ or step_y_, which turns it by what is across it.
-Float Camera::density(const Vec3& step) const {
+Float Camera::density(const Vec3& step, Float stretch) const {
   const Float pixel = xsimd::abs(dot(step, splat_of(pixel_normal_)));
-  const Float stretch = length(step);
   return orthographic_ ? stretch / pixel : sqr(stretch) * stretch / pixel;
 }
 
 Float Camera::raster_per_area(const CameraRay& ray, Float t) const {
-  if (orthographic_) return density(ray.direction);
+  Vec3 direction = ray.direction;
+  Float volume(1.F);  // of a unit cube of the camera's space in the world
+  if (moves()) {
+    const motion::LanePose pose = pose_at(ray.time);
+    direction = motion::inverse_of(pose).vector(direction);
+    volume = xsimd::abs(pose.determinant());
+  }
   // density() takes a step that ends on the plane of depth 1, where pixel_normal_ was measured.
-  const Vec3 step = ray.direction / dot(ray.direction, splat_of(to_depth_));
-  return density(step) / sqr(ray.lead + t);
+  if (orthographic_) return density(direction, length(ray.direction)) / volume;
+  const Float depth = dot(direction, splat_of(to_depth_));
+  const Vec3 step = direction / depth;
+  if (!moves()) return density(step, length(step)) / sqr(ray.lead + t);
+  return density(step, Float(1.F) / xsimd::abs(depth)) / (volume * sqr(ray.lead + t));
 }
 
-CameraConnection Camera::connect(const Vec3& point, Vec2 lens) const {
+CameraConnection Camera::connect(const Vec3& point, Vec2 lens, Float time) const {
   CameraConnection c;
-  const Vec3 from = point - (orthographic_ ? splat_of(corner_) : splat_of(origin_));
+  motion::LanePose pose;
+  Vec3 place = point;
+  if (moves()) {
+    pose = pose_at(time);
+    place = motion::inverse_of(pose).vector(point - pose.offset);
+  }
+  const auto to_world = [&](const Vec3& v) { return moves() ? pose.vector(v) : v; };
+  const Vec3 from = place - (orthographic_ ? splat_of(corner_) : splat_of(origin_));
   const Float depth = dot(from, splat_of(to_depth_));
   const Vec3 on_lens = aperture(lens);
   const Vec3 along = orthographic_ ? depth * splat_of(forward_) : from - on_lens;
@@ -141,13 +179,16 @@ CameraConnection Camera::connect(const Vec3& point, Vec2 lens) const {
   const Vec3 on_plane = orthographic_ ? from : step + on_lens * Float(inverse_focus_);
   c.raster_x = dot(on_plane, splat_of(to_x_));
   c.raster_y = dot(on_plane, splat_of(to_y_));
+  const Vec3 world_step = to_world(step);
+  const Float stretch = length(world_step);
   const Float beyond = depth - Float(near_);
-  c.start = point - step * beyond;
-  const Float reach = orthographic_ ? beyond * length(step) : beyond;
+  c.start = point - world_step * beyond;
+  const Float reach = orthographic_ ? beyond * stretch : beyond;
   c.valid = (beyond > Float(0.F)) & (reach <= Float(far_ - near_));
-  c.direction = -normalize(step);
-  c.raster_per_area = density(step);
-  if (!orthographic_) c.raster_per_area = c.raster_per_area / length_squared(along);
+  c.direction = -normalize(world_step);
+  c.raster_per_area = density(step, stretch);
+  if (!orthographic_) c.raster_per_area = c.raster_per_area / length_squared(to_world(along));
+  if (moves()) c.raster_per_area = c.raster_per_area / xsimd::abs(pose.determinant());
   return c;
 }
 

@@ -57,8 +57,10 @@ void BidirectionalTracer::trace_technique(SampleSource& source, const RasterWind
                 .out = out,
                 .film = {}};
   sample.film.lens = sample_lens(camera_, source, lanes);
+  sample.film.time = sample_time(camera_, source, window, lanes);
   trace_light(sample);
   trace_eye(sample);
+  expose(camera_, out);
 }
 
 void BidirectionalTracer::trace_eye(Sample& sample) {
@@ -66,14 +68,15 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
   if (none(eye.active)) return;
   sample.film = sample_film(camera_, sample.source, sample.window, eye.active);
   sample.out.add(0, {sample.film.x, sample.film.y, splat(0.F)}, eye.active);
-  const sensor::CameraRay ray = camera_.ray(sample.film.x, sample.film.y, sample.film.lens);
+  const sensor::CameraRay ray =
+      camera_.ray(sample.film.x, sample.film.y, sample.film.lens, sample.film.time);
   eye.origin = ray.origin;
   eye.direction = ray.direction;
   for (int edges = 1; edges <= depth_limit_ && any(eye.active); ++edges) {
     Interaction v;
     sample.out.edges = select(eye.active, Int(edges), sample.out.edges);
     count_rays(eye.active);
-    v.hits = scene_.tracer().intersect(eye.active, eye.origin, eye.direction);
+    v.hits = scene_.tracer().intersect(eye.active, eye.origin, eye.direction, sample.film.time);
     if (edges == 1) v.hits.hit = v.hits.hit & (v.hits.t <= ray.t_max);
     add_environment(sample, eye, eye.active & ~v.hits.hit, edges);
     eye.active = v.hits.hit;
@@ -82,8 +85,9 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
     const Float cosine = cosine_at(v, eye.direction);
     eye.active = eye.active & (cosine > Float(0.F));
     if (edges == 1) {
-      eye.mis.last =
-          sqr(raster_area_ / (camera_.raster_per_area(ray, v.hits.t) * cosine * area_unit_));
+      const Float importance =
+          camera_.raster_per_area(ray, v.hits.t) * row_weight(sample, sample.film.y);
+      eye.mis.last = sqr(raster_area_ / (importance * cosine * area_unit_));
     } else {
       eye.mis.arrive(length_squared(v.surface.position - eye.from.position) / area_unit_, cosine);
     }
@@ -94,6 +98,12 @@ void BidirectionalTracer::trace_eye(Sample& sample) {
     eye.active = eye.active & sample.technique.eye_goes_on(edges);
     if (any(eye.active)) scatter(sample, eye, v, edges);
   }
+}
+
+// By how much likelier than another a row of that raster position is exposed at the sample's time.
+Float BidirectionalTracer::row_weight(const Sample& sample, Float raster_y) const {
+  if (!camera_.has_time() || !camera_.shutter().rolls()) return Float(1.F);
+  return camera_.shutter().row_weight(sample.film.time, raster_y, raster_.y, raster_.height);
 }
 
 void BidirectionalTracer::look_up(Sample& sample, const Subpath& path, int vertex, Interaction& v) {

@@ -92,6 +92,7 @@ class BidirectionalTracer : public Estimator {
   void add_vertex(Sample& sample, const Subpath& light, const Interaction& v, int edges);
   void connect_to_camera(Sample& sample, const LightVertex& v, int edges);
 
+  Float row_weight(const Sample& sample, Float raster_y) const;
   void look_up(Sample& sample, const Subpath& path, int vertex, Interaction& v);
   Scattering scattering(End end, const Interaction& v, const Vec3& direction, Mask lanes) const;
   void scatter(Sample& sample, Subpath& path, const Interaction& v, int edges);

@@ -37,6 +37,11 @@ void Contribution::scale(Float factor) {
   for (Splat& s : splats) s.radiance = s.radiance * factor;
 }
 
+void Estimator::expose(const sensor::Camera& camera, Contribution& out) {
+  const float exposure = camera.shutter().exposure();
+  if (exposure != 1) out.scale(Float(exposure));
+}
+
 void Estimator::begin(Mask lanes, Contribution& out) {
   incidents_.clear();
   costs_.paths += __builtin_popcount(bits(lanes));

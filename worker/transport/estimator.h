@@ -6,6 +6,7 @@
 
 #include "diagnostics/anomalies.h"
 #include "primary_space/sample_source.h"
+#include "sensor/camera.h"
 #include "spectrum/rgb.h"
 
 namespace metrofarm::transport {
@@ -70,6 +71,8 @@ class Estimator {
 
  protected:
   void begin(Mask lanes, Contribution& out);
+  // Gives the radiance that has been found the brightness that the shutter's exposure means.
+  static void expose(const sensor::Camera& camera, Contribution& out);
   void count_rays(Mask lanes) { costs_.rays += __builtin_popcount(bits(lanes)); }
   // Keeps what is sound of a contribution and lists the rest.
   Spectrum quarantine(const Spectrum& contribution, Mask lanes, diagnostics::Place place,

@@ -17,12 +17,22 @@ FilmPoint sample_film(const sensor::Camera& camera, SampleSource& source,
                       const RasterWindow& window, Mask lanes) {
   const Pair film = source.pair(primary_space::kFilmSlot, lanes);
   return {window.x + film.first * window.width, window.y + film.second * window.height,
-          sample_lens(camera, source, lanes)};
+          sample_lens(camera, source, lanes), sample_time(camera, source, window, lanes)};
+}
+
+Float sample_time(const sensor::Camera& camera, SampleSource& source, const RasterWindow& window,
+                  Mask lanes) {
+  if (!camera.has_time()) return Float(0.F);
+  const Float u = source.pair(primary_space::kTimeSlot, lanes).first;
+  Float y(0.F);
+  if (camera.shutter().rolls())
+    y = window.y + source.pair(primary_space::kFilmSlot, lanes).second * window.height;
+  return camera.shutter().time(u, y);
 }
 
 void find_surface(const Scene& scene, const Vec3& origin, const Vec3& direction, Interaction& v) {
-  v.surface =
-      geometry::surface_at(scene.primitives(), v.hits, origin, direction, scene.surface_needs());
+  v.surface = geometry::surface_at(scene.primitives(), scene.placements(), v.hits, origin,
+                                   direction, scene.surface_needs());
   v.frame = frame_around(v.surface.shading_normal);
   if (!scene.surface_needs().tangents) return;
   // Gram-Schmidt; a tangent along the normal keeps the arbitrary frame.
@@ -47,7 +57,8 @@ void show_material(const Scene& scene, const Vec3& direction, Float choice, Mask
   const Float turn = select(v.lobe.turned, Float(-1.F), Float(1.F));
   v.frame.n = v.frame.n * turn;
   v.wo.z = v.wo.z * turn;
-  v.receiver = {v.surface.position, keep(materials.one_sided(v.lobe, lanes), v.frame.n)};
+  v.receiver = {v.surface.position, keep(materials.one_sided(v.lobe, lanes), v.frame.n),
+                v.hits.time};
 }
 
 Mask unoccluded(const Scene& scene, const Interaction& v, const Vec3& direction, Float distance,
@@ -56,7 +67,8 @@ Mask unoccluded(const Scene& scene, const Interaction& v, const Vec3& direction,
   const Mask far = distance > Float(std::numeric_limits<float>::max());
   const Vec3 to_end = v.surface.position + direction * select(far, Float(0.F), distance) - origin;
   const Float t_max = select(far, distance, Float(kShadowRayEnd));
-  return lanes & ~scene.tracer().occluded(lanes, origin, select(far, direction, to_end), t_max);
+  return lanes & ~scene.tracer().occluded(lanes, origin, select(far, direction, to_end), t_max,
+                                          v.hits.time);
 }
 
 }  // namespace metrofarm::transport

@@ -24,11 +24,16 @@ inline Float power_heuristic(Float a, Float b) {
 struct FilmPoint {
   Float x, y;  // raster, pixels
   Vec2 lens;
+  Float time = Float(0.F);  // see geometry::Tracer
 };
 FilmPoint sample_film(const sensor::Camera& camera, primary_space::SampleSource& source,
                       const RasterWindow& window, Mask lanes);
 // The middle of the lens where there is none, without asking the source.
 Vec2 sample_lens(const sensor::Camera& camera, primary_space::SampleSource& source, Mask lanes);
+// When the path happens, all of it, whichever end is made first; 0 where it makes no difference,
+// without asking the source. Rows of a rolling shutter take theirs from the place on the film.
+Float sample_time(const sensor::Camera& camera, primary_space::SampleSource& source,
+                  const RasterWindow& window, Mask lanes);
 
 // A vertex of a path; valid in the lanes that hit something.
 struct Interaction {

@@ -14,8 +14,9 @@ void BidirectionalTracer::trace_light(Sample& sample) {
   const Pair choice = sample.source.pair(light_slot(0, Decision::kLight), light.active);
   const Pair point = sample.source.pair(light_slot(0, Decision::kLightPoint), light.active);
   const Pair turn = sample.source.pair(light_slot(0, Decision::kDirection), light.active);
-  const emitter::Emission emission = scene_.lights().emit(choice.first, {point.first, point.second},
-                                                          {turn.first, turn.second}, light.active);
+  const emitter::Emission emission =
+      scene_.lights().emit(choice.first, {point.first, point.second}, {turn.first, turn.second},
+                           sample.film.time, light.active);
   light.active = light.active & emission.valid;
   light.origin = emission.origin;
   light.direction = emission.direction;
@@ -23,7 +24,8 @@ void BidirectionalTracer::trace_light(Sample& sample) {
   for (int edges = 1; edges < depth_limit_ && any(light.active); ++edges) {
     Interaction v;
     count_rays(light.active);
-    v.hits = scene_.tracer().intersect(light.active, light.origin, light.direction);
+    v.hits =
+        scene_.tracer().intersect(light.active, light.origin, light.direction, sample.film.time);
     light.active = v.hits.hit;
     if (none(light.active)) return;
     look_up(sample, light, edges, v);
@@ -63,7 +65,7 @@ void BidirectionalTracer::connect_to_camera(Sample& sample, const LightVertex& v
   Mask lanes = v.lanes & sample.technique.includes(edges + 1, edges + 1);
   if (none(lanes)) return;
   const Vec3& position = v.at.surface.position;
-  const sensor::CameraConnection c = camera_.connect(position, sample.film.lens);
+  const sensor::CameraConnection c = camera_.connect(position, sample.film.lens, sample.film.time);
   const Float x = c.raster_x - raster_.x, y = c.raster_y - raster_.y;
   lanes = lanes & c.valid & (x >= Float(0.F)) & (y >= Float(0.F)) & (x < raster_.width) &
           (y < raster_.height);
@@ -76,7 +78,7 @@ void BidirectionalTracer::connect_to_camera(Sample& sample, const LightVertex& v
   const Float distance = length(to);
   const Mask visible = unoccluded(scene_, v.at, c.direction, distance, lanes);
   if (none(visible)) return;
-  const Float importance = c.raster_per_area / raster_area_;
+  const Float importance = c.raster_per_area * row_weight(sample, c.raster_y) / raster_area_;
   const Float cosine = xsimd::abs(dot(v.at.surface.geometric_normal, c.direction));
   const Float weight =
       Float(1.F) / (Float(1.F) + v.mis.sum(importance * cosine * area_unit_, s.reverse_pdf));

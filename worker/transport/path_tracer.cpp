@@ -11,7 +11,8 @@ using primary_space::SampleSource;
 struct PathTracer::State {
   Mask active;
   Vec3 origin, direction;
-  Float far;  // of the camera ray
+  Float far;   // of the camera ray
+  Float time;  // of the whole path
   Spectrum throughput = splat(1.F);
   Spectrum radiance = splat(0.F);
   Float pdf_solid_angle = Float(0.F);  // of the last scattered direction
@@ -31,9 +32,13 @@ void PathTracer::trace(SampleSource& source, const RasterWindow& window, Mask la
                        Contribution& out) {
   begin(lanes, out);
   const FilmPoint film = sample_film(camera_, source, window, lanes);
-  const sensor::CameraRay ray = camera_.ray(film.x, film.y, film.lens);
+  const sensor::CameraRay ray = camera_.ray(film.x, film.y, film.lens, film.time);
 
-  State path{.active = lanes, .origin = ray.origin, .direction = ray.direction, .far = ray.t_max};
+  State path{.active = lanes,
+             .origin = ray.origin,
+             .direction = ray.direction,
+             .far = ray.t_max,
+             .time = film.time};
   for (int depth = 1; depth <= depth_limit_ && any(path.active); ++depth) {
     out.edges = select(path.active, Int(depth), out.edges);
     const Interaction vertex = meet(path, source, depth);
@@ -43,13 +48,14 @@ void PathTracer::trace(SampleSource& source, const RasterWindow& window, Mask la
     scatter(path, vertex, source, depth);
   }
   out.splats[0] = {film.x, film.y, path.radiance};
+  expose(camera_, out);
 }
 
 // Follows the rays; lanes that leave the scene see the environment and become inactive.
 Interaction PathTracer::meet(State& path, SampleSource& source, int depth) {
   Interaction v;
   count_rays(path.active);
-  v.hits = scene_.tracer().intersect(path.active, path.origin, path.direction);
+  v.hits = scene_.tracer().intersect(path.active, path.origin, path.direction, path.time);
   if (depth == 1) v.hits.hit = v.hits.hit & (v.hits.t <= path.far);  // the camera's far plane
   const Mask missed = path.active & ~v.hits.hit;
   if (any(missed)) add_environment(path, missed, depth);

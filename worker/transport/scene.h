@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <memory>
+#include <string>
 #include <string_view>
+#include <utility>
 
 #include "bsdf/materials.h"
 #include "emitter/light_table.h"
+#include "geometry/placements.h"
 #include "geometry/primitives.h"
 #include "geometry/tracer.h"
 #include "scene/description.h"
@@ -25,49 +28,84 @@ struct SceneBytes {
   uint64_t total() const { return geometry + acceleration + images + lights; }
 };
 
+// What of a scene no shutter changes.
+struct SceneStock {
+  SceneStock(scene::SceneDescription of, std::string_view instructions, uint64_t most_bytes)
+      : description(std::move(of)),
+        isa(instructions),
+        max_bytes(most_bytes),
+        primitives(geometry::build_primitives(description)),
+        images(std::move(description.images)),
+        textures(description.textures, images, primitives),
+        materials(description.bsdfs, textures),
+        stands_still(!scene::has_motion(description)) {}
+
+  scene::SceneDescription description;
+  std::string isa;
+  uint64_t max_bytes;
+  geometry::Primitives primitives;
+  texture::Images images;
+  texture::Textures textures;
+  bsdf::Materials materials;
+  bool stands_still;
+};
+
 // Owns all that rays meet; immutable and shared by all threads. The camera is not part of it: its
 // film size belongs to the job.
 class Scene {
  public:
-  // Mesh data and images are moved out of the description. Throws std::bad_alloc if geometry and
-  // acceleration structure take more than max_bytes.
+  // While the sensor's own shutter is open. Mesh data and images are moved out of the description.
+  // Throws std::bad_alloc if geometry and acceleration structure take more than max_bytes.
   Scene(scene::SceneDescription description, std::string_view isa,
         uint64_t max_bytes = geometry::Tracer::kAnyBytes)
-      : description_(std::move(description)),
-        primitives_(geometry::build_primitives(description_)),
-        tracer_(primitives_, isa, max_bytes - std::min(max_bytes, primitives_.bytes())),
-        images_(std::move(description_.images)),
-        textures_(description_.textures, images_, primitives_),
-        materials_(description_.bsdfs, textures_),
-        lights_(description_, primitives_, images_, textures_) {
-    needs_ = materials_.needs();
-    needs_.uv = needs_.uv || lights_.wants_uv();
-  }
+      : Scene(std::make_shared<SceneStock>(std::move(description), isa, max_bytes)) {}
+
+  // The same scene, whose stock is shared, at another time. Throws as above.
+  Scene(const Scene& other, const motion::Interval& interval) : Scene(other.stock_, interval) {}
 
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 
-  const scene::SceneDescription& description() const { return description_; }
-  const geometry::Primitives& primitives() const { return primitives_; }
+  const scene::SceneDescription& description() const { return stock_->description; }
+  const geometry::Primitives& primitives() const { return stock_->primitives; }
+  const geometry::Placements& placements() const { return placements_; }
   const geometry::Tracer& tracer() const { return tracer_; }
-  const bsdf::Materials& materials() const { return materials_; }
+  const bsdf::Materials& materials() const { return stock_->materials; }
   const emitter::LightTable& lights() const { return lights_; }
+
+  // From the begin of which to the end of which times go from 0 to 1.
+  const motion::Interval& interval() const { return placements_.interval(); }
+  bool anything_moves() const { return placements_.anything_moves() || lights_.anything_moves(); }
+  // Whether the scene is also what it is at another time: nothing ever moves.
+  bool stands_still() const { return stock_->stands_still; }
 
   // What of a surface some material or light asks for; the rest is not computed.
   geometry::SurfaceNeeds surface_needs() const { return needs_; }
 
   SceneBytes bytes() const {
-    return {primitives_.bytes(), tracer_.bytes(), images_.bytes() + textures_.bytes(),
-            lights_.bytes()};
+    return {stock_->primitives.bytes() + placements_.bytes(), tracer_.bytes(),
+            stock_->images.bytes() + stock_->textures.bytes(), lights_.bytes()};
   }
 
  private:
-  scene::SceneDescription description_;
-  geometry::Primitives primitives_;
+  explicit Scene(const std::shared_ptr<const SceneStock>& stock)
+      : Scene(stock,
+              {stock->description.sensor.shutter_open, stock->description.sensor.shutter_close}) {}
+
+  Scene(std::shared_ptr<const SceneStock> stock, const motion::Interval& interval)
+      : stock_(std::move(stock)),
+        placements_(stock_->description, stock_->primitives, interval),
+        tracer_(stock_->primitives, placements_, stock_->isa,
+                stock_->max_bytes - std::min(stock_->max_bytes, stock_->primitives.bytes())),
+        lights_(stock_->description, stock_->primitives, placements_, stock_->images,
+                stock_->textures) {
+    needs_ = stock_->materials.needs();
+    needs_.uv = needs_.uv || lights_.wants_uv();
+  }
+
+  std::shared_ptr<const SceneStock> stock_;
+  geometry::Placements placements_;
   geometry::Tracer tracer_;
-  texture::Images images_;
-  texture::Textures textures_;
-  bsdf::Materials materials_;
   emitter::LightTable lights_;
   geometry::SurfaceNeeds needs_;
 };

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <initializer_list>
 
+#include "base/check.h"
+
 namespace metrofarm::work_unit {
 namespace {
 
@@ -105,6 +107,7 @@ std::string problem_with(const Spec& spec) {
       spec.bootstrap_samples > kLargestBootstrap)
     return "bootstrap_samples must be an even multiple of 64, at most 2^32";
   if (spec.blocks_per_segment < 1) return "blocks_per_segment must be at least 1";
+  if (std::string problem = sensor::problem_with(spec.shutter); !problem.empty()) return problem;
   if (std::string problem = problem_with_paths(spec); !problem.empty()) return problem;
   return runs_chains(spec.integrator) ? problem_with_chains(spec) : "";
 }
@@ -112,11 +115,19 @@ std::string problem_with(const Spec& spec) {
 Context::Context(const transport::Scene& scene, const Spec& spec)
     : scene_(scene),
       spec_(spec),
-      camera_(scene.description().sensor, scene.description().film, spec.width, spec.height),
+      camera_(scene.description().sensor, scene.description().film, spec.width, spec.height,
+              sensor::Shutter(spec.shutter, spec.height),
+              {scene.anything_moves(), double(scene.lights().scene_radius())}),
       filter_(scene.description().film),
       target_map_(spec.target_map, spec.width, spec.height),
       cells_x_(spec.width + 2 * filter_.border()),
-      cells_y_(spec.height + 2 * filter_.border()) {}
+      cells_y_(spec.height + 2 * filter_.border()) {
+  METROFARM_CHECK(scene.stands_still() || scene.interval() == interval_of(spec));
+}
+
+motion::Interval interval_of(const Spec& spec) {
+  return sensor::Shutter(spec.shutter, spec.height).interval();
+}
 
 int Context::image_layers() const {
   if (!runs_chains(spec_.integrator)) return 1;

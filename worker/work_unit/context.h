@@ -47,6 +47,7 @@ struct Spec {
   bool direct_apart = false;
   uint32_t chain_groups = 0;
   TargetMapValues target_map;
+  sensor::ShutterSettings shutter;
   // Layers of the film beside the image: see metrofarm.job.v1.DiagnosticLayer.
   bool acceptance_layer = false;
   bool technique_layers = false;  // kMmlt
@@ -79,10 +80,14 @@ inline bool runs_chains(Integrator i) {
 // What is wrong with a spec, empty if nothing is.
 std::string problem_with(const Spec& spec);
 
+// The time that the scene has to be made for.
+motion::Interval interval_of(const Spec& spec);
+
 // Immutable; shared by all threads.
 class Context {
  public:
-  // Requires: problem_with(spec) is empty and the scene's filter fits.
+  // Requires: problem_with(spec) is empty, the scene's filter fits and its interval is that of
+  // interval_of(spec), unless the scene stands still.
   Context(const transport::Scene& scene, const Spec& spec);
 
   const transport::Scene& scene() const { return scene_; }

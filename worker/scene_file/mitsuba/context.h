@@ -44,7 +44,7 @@ struct Context {
   std::unordered_set<const Element*> integrators_in_progress = {};
 
   Properties properties_of(const Element& element) {
-    return Properties(element, document, scene.sensor.shutter_open, problems);
+    return Properties(element, document, problems);
   }
 };
 

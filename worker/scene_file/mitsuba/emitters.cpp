@@ -136,11 +136,17 @@ constexpr Plugin<Model (*)(Properties&, Context&)> kEmitters[] = {
     {"sun", load_sky},
 };
 
+// Those whose to_world may be an <animation>.
+constexpr std::string_view kMoving[] = {"point", "spot", "directional", "projector"};
+
 Index load_emitter(const Element& element, Context& context) {
   const auto* plugin = find_plugin(kEmitters, element, "it is left out", context.problems);
   if (!plugin) return scene::kNone;
   Properties properties = context.properties_of(element);
-  scene::Emitter emitter = {plugin->load(properties, context), element.where};
+  const bool can_move =
+      std::find(std::begin(kMoving), std::end(kMoving), plugin->type) != std::end(kMoving);
+  scene::Motion motion = can_move ? properties.motion("to_world") : scene::Motion{};
+  scene::Emitter emitter = {plugin->load(properties, context), element.where, std::move(motion)};
   // How often Mitsuba picks this light for sampling: no part of the image.
   properties.ignore({"sampling_weight"});
   properties.finish();

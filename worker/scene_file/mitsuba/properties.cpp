@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "motion/track.h"
 #include "scene_file/mitsuba/transforms.h"
-#include "scene_file/motion.h"
 #include "scene_file/names.h"
 #include "scene_file/numbers.h"
 
@@ -51,9 +51,8 @@ Point read_components(const Element& element, double missing, Problems& problems
   return {(*numbers)[0], (*numbers)[numbers->size() / 2], numbers->back()};
 }
 
-Properties::Properties(const Element& element, const Document& document, const double& time,
-                       Problems& problems)
-    : element_(element), time_(time), problems_(problems) {
+Properties::Properties(const Element& element, const Document& document, Problems& problems)
+    : element_(element), problems_(problems) {
   for (const Element& child : element.children) {
     const Element* target = child.tag == "ref" ? resolve(child, document) : &child;
     if (!target) continue;
@@ -87,14 +86,19 @@ const Element* Properties::resolve(const Element& ref, const Document& document)
   return nullptr;
 }
 
-const Element* Properties::find(std::string_view name) {
+Properties::Slot* Properties::slot(std::string_view name) {
   if (std::find(known_.begin(), known_.end(), name) == known_.end()) known_.emplace_back(name);
   for (Slot& slot : slots_) {
     if (slot.name != name) continue;
     slot.asked = true;
-    return slot.target;
+    return &slot;
   }
   return nullptr;
+}
+
+const Element* Properties::find(std::string_view name) {
+  const Slot* found = slot(name);
+  return found ? found->target : nullptr;
 }
 
 bool Properties::has(std::string_view name) {
@@ -185,16 +189,26 @@ Matrix Properties::transform(std::string_view name) {
   const Element* child = expect(name, {"transform", "animation"});
   if (!child) return kIdentity;
   if (child->tag == "transform") return read_transform(*child, problems_);
-  const std::vector<scene::Keyframe> keys = read_animation(*child, problems_);
-  const std::optional<Matrix> pose = keys.empty() ? kIdentity : pose_at(keys, time_);
-  if (!pose) problems_.fail("the transforms of an <animation> must not flatten it", child->where);
-  return pose.value_or(kIdentity);
+  const scene::Motion motion = read_animation(*child, problems_);
+  if (motion.keys.size() == 1) return motion.keys[0].to_world;
+  if (motion.empty() || slot(name)->may_move) return kIdentity;
+  problems_.unsupported("parameter \"" + std::string(name) + "\" of " + element_.describe() +
+                            " cannot be an <animation>: this does not move by itself",
+                        child->where);
+  return motion.keys[0].to_world;
 }
 
-std::vector<scene::Keyframe> Properties::keyframes(std::string_view name) {
-  const Element* child = find(name);
-  if (!child || child->tag != "animation") return {};
-  return read_animation(*child, problems_);
+scene::Motion Properties::motion(std::string_view name) {
+  Slot* found = slot(name);
+  if (!found || found->target->tag != "animation") return {};
+  found->may_move = true;
+  scene::Motion motion = read_animation(*found->target, problems_);
+  if (motion.keys.size() < 2) return {};
+  if (const std::optional<std::string> problem = motion::Track::problem_with(motion)) {
+    problems_.fail(*problem, found->target->where);
+    return {};
+  }
+  return motion;
 }
 
 std::vector<const Element*> Properties::objects(std::string_view tag) {

@@ -15,10 +15,8 @@ namespace metrofarm::scene_file::mitsuba {
 
 class Properties {
  public:
-  // Resolves the element's <ref> children. time: when animations are looked at; looked up when it
-  // is needed.
-  Properties(const Element& element, const Document& document, const double& time,
-             Problems& problems);
+  // Resolves the element's <ref> children.
+  Properties(const Element& element, const Document& document, Problems& problems);
 
   const Element& element() const { return element_; }
   Problems& problems() { return problems_; }
@@ -30,9 +28,11 @@ class Properties {
   bool boolean(std::string_view name, bool fallback);
   std::string text(std::string_view name, std::string_view fallback);
   Point point(std::string_view name, const Point& fallback);
-  Matrix transform(std::string_view name);  // identity if absent; of an animation the pose at time
-  // The keys of an <animation>; empty if the parameter is absent or a <transform>.
-  std::vector<scene::Keyframe> keyframes(std::string_view name);
+  // What an <animation> with more than one key says; empty if the parameter is absent or anything
+  // else. Who doesn't ask for it cannot move.
+  scene::Motion motion(std::string_view name);
+  // Identity if absent, or if it is a motion that has been asked for.
+  Matrix transform(std::string_view name);
 
   // Like number and integer; values outside [lowest, highest] are a problem.
   double number_in(std::string_view name, double fallback, double lowest, double highest);
@@ -62,14 +62,15 @@ class Properties {
     const Element* target;  // what it refers to; the same unless child is a <ref>
     std::string name;
     bool asked = false;
+    bool may_move = false;  // its motion has been asked for
   };
 
   const Element* resolve(const Element& ref, const Document& document);
+  Slot* slot(std::string_view name);
   const Element* expect(std::string_view name, std::initializer_list<std::string_view> tags);
   void report_unasked(const Slot& slot);
 
   const Element& element_;
-  const double& time_;
   Problems& problems_;
   std::vector<Slot> slots_;
   std::vector<std::string> known_;

@@ -54,8 +54,7 @@ double aspect_of(const Film& film) {
 }
 
 // The orthographic sensor's extent is its scale; the others must not have one.
-void check_transform(Properties& properties, const scene::Sensor& sensor) {
-  const scene::Matrix& m = sensor.to_world;
+void check_pose(Properties& properties, const scene::Sensor& sensor, const scene::Matrix& m) {
   constexpr double kTolerance = 1e-3;  // Mitsuba's
   const Element* element = properties.find("to_world");
   if (sensor.projection != scene::Projection::kOrthographic) {
@@ -66,6 +65,12 @@ void check_transform(Properties& properties, const scene::Sensor& sensor) {
   } else if (determinant(m) == 0) {
     properties.problems().fail("the sensor's to_world must not flatten space", element->where);
   }
+}
+
+void check_transform(Properties& properties, const scene::Sensor& sensor) {
+  if (sensor.motion.empty()) return check_pose(properties, sensor, sensor.to_world);
+  for (const scene::Keyframe& key : sensor.motion.keys)
+    check_pose(properties, sensor, key.to_world);
 }
 
 void read_clip_planes(Properties& properties, scene::Sensor& sensor) {
@@ -146,8 +151,8 @@ void load_sensor(const Element& element, Context& context) {
   if (const Element* sampler = properties.object("sampler")) load_sampler(*sampler, context);
   (plugin ? plugin->load : load_perspective)(properties, sensor, context.scene.film);
   read_shutter(properties, sensor);
+  sensor.motion = properties.motion("to_world");
   sensor.to_world = properties.transform("to_world");
-  sensor.keys = properties.keyframes("to_world");
   check_transform(properties, sensor);
   read_clip_planes(properties, sensor);
   sensor.principal_point_offset_x = properties.number("principal_point_offset_x", 0);

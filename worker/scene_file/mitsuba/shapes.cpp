@@ -65,8 +65,8 @@ void load_single_shape(const Element& element, Index group, Context& context) {
   shape.where = element.where;
   shape.group = group;
   shape.flip_normals = properties.boolean("flip_normals", false);
+  if (group == scene::kNone) shape.motion = properties.motion("to_world");
   plugin->load(properties, shape, context);
-  shape.keys = properties.keyframes("to_world");
   load_light(properties, shape, context);
   shape.bsdf = read_material(properties, shape.area_emitter != scene::kNone, context);
   // Hints of papers to their own integrators are among them.
@@ -108,8 +108,8 @@ void load_instance(const Element& element, Context& context) {
         element.where);
   }
   scene::Instance instance;
+  instance.motion = properties.motion("to_world");
   instance.to_world = properties.transform("to_world");
-  instance.keys = properties.keyframes("to_world");
   instance.where = element.where;
   if (flattens(instance.to_world)) {
     context.problems.fail("an instance's to_world must not flatten it",

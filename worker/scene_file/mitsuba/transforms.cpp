@@ -84,6 +84,58 @@ Matrix read_step(const Element& step, Problems& problems) {
   return kIdentity;
 }
 
+scene::MotionPath read_path(const Element& animation, Problems& problems) {
+  const std::string* path = animation.find("interpolation");
+  if (!path || *path == "linear") return scene::MotionPath::kLinear;
+  if (*path == "catmullrom") return scene::MotionPath::kCatmullRom;
+  if (*path == "bezier") return scene::MotionPath::kBezier;
+  problems.fail("unknown interpolation \"" + *path + "\" of an <animation>" +
+                    suggestion(*path, {"linear", "catmullrom", "bezier"}),
+                animation.where);
+  return scene::MotionPath::kLinear;
+}
+
+// A point of a Bezier path beside a key; where the key itself is unless the file says otherwise.
+Point read_control(const Element& key, std::string_view name, const Matrix& to_world,
+                   scene::MotionPath path, Problems& problems) {
+  const Point origin = {to_world[3], to_world[7], to_world[11]};
+  const std::string* text = key.find(name);
+  if (!text) return origin;
+  const auto values = parse_doubles(*text);
+  if (path != scene::MotionPath::kBezier) {
+    problems.fail("in= and out= of a <transform> need <animation interpolation=\"bezier\">",
+                  key.where);
+  } else if (!values || values->size() != 3) {
+    problems.fail(std::string(name) + "= of a <transform> must be three numbers, as in \"1, 2, 3\"",
+                  key.where);
+  } else {
+    return {(*values)[0], (*values)[1], (*values)[2]};
+  }
+  return origin;
+}
+
+// What turns is told as it stands in the file: a matrix does not know of whole turns.
+std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
+  std::vector<scene::Turn> turns;
+  for (const Element& step : key.children) {
+    const auto angle = parse_double(step.get("angle"));
+    if (step.tag == "rotate" && angle)
+      turns.push_back({read_components(step, 0, problems), *angle});
+  }
+  return turns;
+}
+
+scene::Keyframe read_key(const Element& key, double time, scene::MotionPath path,
+                         Problems& problems) {
+  scene::Keyframe frame;
+  frame.time = time;
+  frame.to_world = read_transform(key, problems);
+  frame.turns = read_turns(key, problems);
+  frame.in = read_control(key, "in", frame.to_world, path, problems);
+  frame.out = read_control(key, "out", frame.to_world, path, problems);
+  return frame;
+}
+
 }  // namespace
 
 Matrix read_transform(const Element& transform, Problems& problems) {
@@ -94,26 +146,28 @@ Matrix read_transform(const Element& transform, Problems& problems) {
   return m;
 }
 
-std::vector<scene::Keyframe> read_animation(const Element& animation, Problems& problems) {
-  std::vector<scene::Keyframe> keys;
+scene::Motion read_animation(const Element& animation, Problems& problems) {
+  scene::Motion motion;
+  motion.path = read_path(animation, problems);
   for (const Element& child : animation.children) {
     const auto time = parse_double(child.get("time"));
     if (child.tag != "transform" || !time) {
       problems.fail("<animation> takes <transform time=\"SECONDS\"> only", child.where);
-      return keys;
+      return {};
     }
-    keys.push_back({*time, read_transform(child, problems)});
+    motion.keys.push_back(read_key(child, *time, motion.path, problems));
   }
-  if (keys.empty()) {
+  if (motion.empty()) {
     problems.fail("<animation> needs at least one <transform time=\"SECONDS\">", animation.where);
   }
   const auto by_time = [](const auto& a, const auto& b) { return a.time < b.time; };
-  std::stable_sort(keys.begin(), keys.end(), by_time);
+  std::stable_sort(motion.keys.begin(), motion.keys.end(), by_time);
   const auto same_time = [](const auto& a, const auto& b) { return a.time == b.time; };
-  if (std::adjacent_find(keys.begin(), keys.end(), same_time) != keys.end()) {
+  if (std::adjacent_find(motion.keys.begin(), motion.keys.end(), same_time) != motion.keys.end()) {
     problems.fail("two <transform> of an <animation> have the same time", animation.where);
+    return {};
   }
-  return keys;
+  return motion;
 }
 
 }  // namespace metrofarm::scene_file::mitsuba

@@ -14,6 +14,6 @@ Matrix read_transform(const Element& transform, Problems& problems);
 
 // The <transform time="..."> children in the order of their times; at least one unless there is a
 // problem.
-std::vector<scene::Keyframe> read_animation(const Element& animation, Problems& problems);
+scene::Motion read_animation(const Element& animation, Problems& problems);
 
 }  // namespace metrofarm::scene_file::mitsuba

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "scene_file/motion.h"
 #include "scene_file/names.h"
 
 namespace metrofarm::scene_file::pbrt {
@@ -223,17 +222,11 @@ double place_sensor(const RenderingOptions& options, Context& context) {
   scene::Sensor& sensor = context.scene.sensor;
   const SourceLocation where = options.camera.where();
   double scale = 1;
-  sensor.keys = keys_between(options.world_from_camera, context);
-  if (sensor.keys.empty()) {
+  sensor.motion = motion_between(options.world_from_camera, where, context);
+  if (sensor.motion.empty())
     sensor.to_world = place_camera(options.world_from_camera[0], where, scale, context);
-    return scale;
-  }
-  warn_of_motion(where, context);
-  const std::optional<Matrix> pose = pose_at(sensor.keys, sensor.shutter_open);
-  for (scene::Keyframe& key : sensor.keys) {
+  for (scene::Keyframe& key : sensor.motion.keys)
     key.to_world = place_camera(key.to_world, where, scale, context);
-  }
-  sensor.to_world = place_camera(pose.value_or(kIdentity), where, scale, context);
   return scale;
 }
 

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "image_io/read_image.h"
+#include "motion/track.h"
 #include "scene_file/names.h"
 
 namespace metrofarm::scene_file::pbrt {
@@ -35,18 +36,16 @@ std::string hint_for(std::string_view type) {
 
 }  // namespace
 
-std::vector<scene::Keyframe> keys_between(const std::array<Matrix, 2>& transforms,
-                                          const Context& context) {
+scene::Motion motion_between(const std::array<Matrix, 2>& transforms, const SourceLocation& where,
+                             Context& context) {
   if (transforms[0] == transforms[1]) return {};
-  return {{context.transform_times[0], transforms[0]}, {context.transform_times[1], transforms[1]}};
-}
-
-void warn_of_motion(const SourceLocation& where, Context& context) {
-  if (context.warned_of_motion) return;
-  context.warned_of_motion = true;
-  context.problems.warn(
-      "things move from here on while the shutter is open; they stand where they are when it opens",
-      where);
+  scene::Motion motion;
+  for (size_t i = 0; i < 2; ++i) motion.keys.push_back({context.transform_times[i], transforms[i]});
+  if (const std::optional<std::string> problem = motion::Track::problem_with(motion)) {
+    context.problems.fail(*problem, where);
+    return {};
+  }
+  return motion;
 }
 
 void report_unknown_plugin(std::string_view what, const Entity& entity,

@@ -22,18 +22,13 @@ struct Context {
   // it.
   double imaging_ratio = 1;
 
-  bool warned_of_motion = false;
-
   // When the two current transforms hold.
   std::array<double, 2> transform_times = {0, 1};
 };
 
-// Keys of what moves from one transform to the other; none if they are the same.
-std::vector<scene::Keyframe> keys_between(const std::array<Matrix, 2>& transforms,
-                                          const Context& context);
-
-// Once for a scene: what moves is shown as it stands when the shutter opens.
-void warn_of_motion(const SourceLocation& where, Context& context);
+// The motion from the start to the end of TransformTimes; empty where there is none.
+scene::Motion motion_between(const std::array<Matrix, 2>& transforms, const SourceLocation& where,
+                             Context& context);
 
 // Reports a plugin that is not known: `what` is as the file writes it (Shape "curve"), `instead`
 // what happens under leniency.

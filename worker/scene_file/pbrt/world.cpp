@@ -1,18 +1,18 @@
 #include "scene_file/pbrt/world.h"
 
-#include "scene_file/motion.h"
+#include "motion/track.h"
 #include "scene_file/names.h"
 #include "scene_file/pbrt/shapes.h"
 
 namespace metrofarm::scene_file::pbrt {
 
-Matrix World::pose_of(const GraphicsState& state, const SourceLocation& where) {
-  const std::vector<scene::Keyframe> keys = keys_between(state.transform, context_);
-  if (keys.empty()) return state.transform[0];
-  warn_of_motion(where, context_);
-  const std::optional<Matrix> pose = pose_at(keys, context_.scene.sensor.shutter_open);
-  if (!pose) context_.problems.fail("transforms of what moves must not flatten it", where);
-  return pose.value_or(kIdentity);
+// Shapes of objects can't move by themselves.
+Matrix World::pose_in_object(const scene::Motion& motion, const SourceLocation& where) {
+  context_.problems.warn(
+      "a shape of an object moves with its instances only; this one stands where it is when the "
+      "shutter opens",
+      where);
+  return motion::Track(motion).at(context_.scene.sensor.shutter_open);
 }
 
 void World::add_shape(Entity entity, const GraphicsState& state) {
@@ -20,11 +20,13 @@ void World::add_shape(Entity entity, const GraphicsState& state) {
   Pending pending;
   pending.material = state.material;
   if (const Parameter* alpha = entity.parameters.find("alpha")) pending.alpha = *alpha;
-  const Placement placement{pose_of(state, where), state.reverse_orientation};
+  scene::Motion motion = motion_between(state.transform, where, context_);
+  Placement placement{state.transform[0], state.reverse_orientation};
+  if (!motion.empty()) placement.to_world = in_object() ? pose_in_object(motion, where) : kIdentity;
   std::optional<PlacedShape> placed = load_shape(entity, placement, context_);
   if (!placed) return;
   pending.uv = placed->uv;
-  placed->shape.keys = keys_between(state.transform, context_);
+  if (!in_object()) placed->shape.motion = std::move(motion);
   if (!state.area_light) return add(std::move(placed->shape), std::move(pending));
   if (in_object()) {
     context_.problems.warn("a shape of an object can't be a light: its AreaLightSource is ignored",
@@ -65,12 +67,16 @@ void World::add_light(Entity entity, const GraphicsState& state) {
   if (in_object()) {
     return context_.problems.fail("a LightSource can't be part of an object", entity.where());
   }
-  // pbrt's lights don't move: they stay at the start.
-  if (state.transform[0] != state.transform[1]) {
-    context_.problems.warn("lights don't move; this one stays where its motion starts",
+  scene::Motion motion = motion_between(state.transform, entity.where(), context_);
+  if (!motion.empty() && entity.type == "infinite") {
+    context_.problems.warn("infinite lights don't move; this one stays where its motion starts",
                            entity.where());
+    motion = {};
   }
-  load_light(entity, state.transform[0], context_);
+  const size_t first = context_.scene.emitters.size();
+  load_light(entity, motion.empty() ? state.transform[0] : kIdentity, context_);
+  for (size_t i = first; i < context_.scene.emitters.size(); ++i)
+    context_.scene.emitters[i].motion = motion;
 }
 
 void World::begin_object(const std::string& name, const SourceLocation& where) {
@@ -92,8 +98,8 @@ void World::add_instance(const std::string& name, const GraphicsState& state,
     return context_.problems.fail(error->message, where);
   }
   scene::Instance instance;
-  instance.to_world = pose_of(state, where);
-  instance.keys = keys_between(state.transform, context_);
+  instance.motion = motion_between(state.transform, where, context_);
+  if (instance.motion.empty()) instance.to_world = state.transform[0];
   instance.where = where;
   if (flattens(instance.to_world)) {
     return context_.problems.fail("the transform of an ObjectInstance must not flatten it", where);

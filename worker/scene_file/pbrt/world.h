@@ -52,7 +52,7 @@ class World {
     scene::Instance instance;
   };
 
-  Matrix pose_of(const GraphicsState& state, const SourceLocation& where);
+  Matrix pose_in_object(const scene::Motion& motion, const SourceLocation& where);
   void add(scene::Shape shape, Pending pending);
   void make_light(const AreaLight& light, scene::Shape shape, const Pending& pending);
   void attach_materials();

@@ -82,7 +82,7 @@ TEST_P(EmissionTest, CarriesTheLightsPower) {
   for (int i = 0; i < kRays; i += kLanes) {
     const Float choice = random.next();
     const Vec2 position = random.pair(), direction = random.pair();
-    const Emission e = lights.table.emit(choice, position, direction, all_lanes());
+    const Emission e = lights.table.emit(choice, position, direction, Float(0.F), all_lanes());
     for (int lane = 0; lane < kLanes; ++lane)
       power.add(test::lane_set(e.valid, lane) ? lane_value(e.power.y, lane) : 0.0);
   }
@@ -97,7 +97,7 @@ TEST_P(EmissionTest, DensitiesOfBothDirectionsAgree) {
   for (int i = 0; i < 200; ++i) {
     const Float choice = random.next();
     const Vec2 position = random.pair(), direction = random.pair();
-    const Emission e = lights.table.emit(choice, position, direction, all_lanes());
+    const Emission e = lights.table.emit(choice, position, direction, Float(0.F), all_lanes());
     const Float t(2.5F);
     const Vec3 reference = e.position + e.direction * t;
     const LightSample s = lights.sample(reference, choice, position);

@@ -98,7 +98,7 @@ TEST(LightSelection, BoundsOfAreaLightsHoldWhereTheyShine) {
   leaning.normals = {0.8F, 0, 0.6F, 0, 0.8F, 0.6F, 0, 0, 1, -0.8F, 0, 0.6F};
   b.shape(leaning, grey, b.area_light(1), true);
   const test::Lights lights(b);
-  const AreaLights areas(lights.scene, lights.primitives, lights.textures);
+  const AreaLights areas(lights.scene, lights.primitives, lights.placements, lights.textures);
   test::UniformLanes random(22);
   int checked = 0;
   for (int light = 0; light < areas.count(); ++light) {
@@ -106,7 +106,7 @@ TEST(LightSelection, BoundsOfAreaLightsHoldWhereTheyShine) {
     const double area = geometry::area_of(lights.primitives, primitive);
     for (int i = 0; i < 300; ++i) {
       const Vec3 at = test::splat(test::lane_of(random.direction() * Float(6.F), 0));
-      const LightSample s = areas.sample(Int(light), at, random.pair(), all_lanes());
+      const LightSample s = areas.sample(Int(light), {at}, random.pair(), all_lanes());
       const double share = share_beside_omnidirectional(areas.bounds(light), at);
       for (int lane = 0; lane < kLanes; ++lane) {
         if (!test::lane_set(s.valid, lane)) continue;
@@ -130,13 +130,14 @@ TEST(LightSelection, BoundsOfDeltaLightsHoldWhereTheyShine) {
     b.emitter(scene::ProjectorEmitter{m, {{9, 9, 9}}, 50, 1.5});
   }
   const test::Lights lights(b);
-  const DeltaLights deltas(lights.scene.emitters, BoundingSphere{{0, 0, 0}, 10}, lights.textures);
+  const DeltaLights deltas(lights.scene.emitters, BoundingSphere{{0, 0, 0}, 10}, {},
+                           lights.textures);
   test::UniformLanes random(23);
   int checked = 0;
   for (int light = 0; light < deltas.count(); ++light) {
     for (int i = 0; i < 2000; ++i) {
       const Vec3 at = test::splat(test::lane_of(random.direction() * Float(6.F), 0));
-      const LightSample s = deltas.sample(Int(light), at, all_lanes());
+      const LightSample s = deltas.sample(Int(light), {at}, all_lanes());
       if (none(s.valid)) continue;
       EXPECT_GE(share_beside_omnidirectional(deltas.bounds(light), at), 0.1);
       ++checked;

@@ -24,7 +24,7 @@ class LightTableTest : public testing::TestWithParam<test::LightCase> {
   LightTableTest()
       : all_(GetParam().scene),
         primitives_(all_.primitives),
-        tracer_(primitives_, "avx2"),
+        tracer_(primitives_, all_.placements, "avx2"),
         lights_(all_.table),
         reference_(test::splat(GetParam().reference)),
         receiver_{reference_, splat(0.6F, 0, 0.8F)},
@@ -54,7 +54,8 @@ class LightTableTest : public testing::TestWithParam<test::LightCase> {
 LightTableTest::Seen LightTableTest::look(const Vec3& direction) const {
   const geometry::RayHits hits = tracer_.intersect(all_lanes(), reference_, direction);
   const geometry::Surface surface =
-      geometry::surface_at(primitives_, hits, reference_, direction, {.uv = lights_.wants_uv()});
+      geometry::surface_at(primitives_, all_.placements, hits, reference_, direction,
+                           {.uv = lights_.wants_uv()});
   Seen seen;
   seen.cosine = select(hits.hit, xsimd::abs(dot(surface.geometric_normal, direction)), Float(0.F));
   seen.radiance = lights_.emitted(surface, direction, hits.hit);

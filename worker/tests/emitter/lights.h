@@ -12,12 +12,13 @@
 namespace metrofarm::test {
 
 struct Lights {
-  explicit Lights(scene::SceneDescription description)
+  explicit Lights(scene::SceneDescription description, const motion::Interval& interval = {})
       : scene(std::move(description)),
         primitives(geometry::build_primitives(scene)),
+        placements(scene, primitives, interval),
         images(std::move(scene.images)),
         textures(scene.textures, images, primitives),
-        table(scene, primitives, images, textures) {}
+        table(scene, primitives, placements, images, textures) {}
   explicit Lights(SceneBuilder& builder) : Lights(builder.take()) {}
   Lights(const Lights&) = delete;
   Lights& operator=(const Lights&) = delete;
@@ -29,6 +30,7 @@ struct Lights {
 
   scene::SceneDescription scene;
   geometry::Primitives primitives;
+  geometry::Placements placements;
   texture::Images images;
   texture::Textures textures;
   emitter::LightTable table;

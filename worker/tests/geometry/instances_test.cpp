@@ -123,8 +123,8 @@ TEST_P(InstanceTest, HitsAreThoseOfTheTransformedMesh) {
     const RayHits b = plain.tracer.intersect(all_lanes(), origin, direction);
     const Mask occluded = instanced.tracer.occluded(all_lanes(), origin, direction, Float(1e30F));
     EXPECT_EQ(bits(occluded), bits(a.hit));
-    const Surface sa = surface_at(instanced.primitives, a, origin, direction, {true, true});
-    const Surface sb = surface_at(plain.primitives, b, origin, direction, {true, true});
+    const Surface sa = surface_at(instanced.primitives, instanced.placements, a, origin, direction, {true, true});
+    const Surface sb = surface_at(plain.primitives, plain.placements, b, origin, direction, {true, true});
     for (int lane = 0; lane < kLanes; ++lane) {
       // Rays along edges and grazing ones may be decided by rounding.
       if (!test::lane_set(a.hit & b.hit, lane)) continue;
@@ -159,7 +159,7 @@ TEST_P(InstanceTest, SurfacesAreNotMetAgain) {
       b.description().shapes[0].group = 0;
       b.description().instances.push_back({product(m, back), 0, {}});
       const World world(b);
-      const Bounds box = bounds_of(world.primitives);
+      const Bounds box = bounds_of(world.primitives, world.placements);
       test::UniformLanes random(shape);
       const Vec3 center =
           splat(0.5F * (box.lower[0] + box.upper[0]), 0.5F * (box.lower[1] + box.upper[1]),
@@ -168,7 +168,7 @@ TEST_P(InstanceTest, SurfacesAreNotMetAgain) {
         const Vec3 origin = center + random.direction() * Float(5.F);
         const Vec3 direction = normalize(center + random.direction() * Float(0.4F) - origin);
         const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-        const Surface s = surface_at(world.primitives, hits, origin, direction, {});
+        const Surface s = surface_at(world.primitives, world.placements, hits, origin, direction, {});
         const Vec3 out = random.direction();
         const Vec3 start = offset_origin(s.position, s.geometric_normal, s.offset, out);
         EXPECT_TRUE(none(world.tracer.intersect(hits.hit, start, out).hit)) << far;
@@ -211,7 +211,7 @@ TEST(Instances, GroupsOfSeveralKindsAreToldApart) {
     const Vec3 origin = splat(float(x), float(y), 5), down = splat(0, 0, -1);
     const RayHits hits = world.tracer.intersect(all_lanes(), origin, down);
     EXPECT_TRUE(all(hits.hit));
-    const Surface s = surface_at(world.primitives, hits, origin, down, {});
+    const Surface s = surface_at(world.primitives, world.placements, hits, origin, down, {});
     expect_near(lane_of(s.geometric_normal, 0), {0, 0, 1}, 1e-5);
     return std::pair(static_cast<int>(lane_word(as_uint(s.shape), 0)),
                      static_cast<int>(lane_word(as_uint(hits.instance), 0)));
@@ -232,7 +232,7 @@ TEST(Instances, AGroupWithoutInstancesIsNotSeen) {
   b.description().shapes[0].group = 0;
   const World world(b);
   EXPECT_TRUE(none(world.tracer.intersect(all_lanes(), splat(0, 0, 5), splat(0, 0, -1)).hit));
-  const Bounds box = bounds_of(world.primitives);
+  const Bounds box = bounds_of(world.primitives, world.placements);
   EXPECT_GT(box.lower[0], box.upper[0]);
 }
 
@@ -264,7 +264,8 @@ TEST(Bounds, HoldEverythingThatIsSeen) {
   b.description().instances.push_back({scaled(2, 3, -4), 0, {}});
   b.shape(test::quad({-1, -1, 7}, {1, 0, 0}, {0, 1, 0}), grey);
   b.shape(scene::Cylinder{{1, 0, 0, 0, 0, 1, 0, 9, 0, 0, -5, 0, 0, 0, 0, 1}}, grey);
-  const Bounds box = bounds_of(World(b).primitives);
+  const World world(b);
+  const Bounds box = bounds_of(world.primitives, world.placements);
   const double lower[3] = {-1, -1.5, -5}, upper[3] = {3, 10, 7};
   for (int k = 0; k < 3; ++k) {
     EXPECT_NEAR(box.lower[k], lower[k], 1e-4);
@@ -283,8 +284,8 @@ TEST(TracerMemory, TreesBeyondTheLimitAreRefused) {
     const World world(*b);
     const uint64_t bytes = world.tracer.bytes();
     EXPECT_GT(bytes, 20000U);
-    EXPECT_THROW(Tracer(world.primitives, "avx2", bytes / 4), std::bad_alloc);
-    EXPECT_THROW(Tracer(world.primitives, "avx2", 0), std::bad_alloc);
+    EXPECT_THROW(Tracer(world.primitives, world.placements, "avx2", bytes / 4), std::bad_alloc);
+    EXPECT_THROW(Tracer(world.primitives, world.placements, "avx2", 0), std::bad_alloc);
     // While it is built a tree needs more than it keeps.
     const Tracer fits(world.primitives, "avx2", 8 * bytes);
     EXPECT_EQ(fits.bytes(), bytes);

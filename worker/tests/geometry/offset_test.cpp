@@ -31,11 +31,12 @@ class OffsetTest : public testing::TestWithParam<Case> {
 };
 
 // Rays from points of a lone triangle or disk to both sides never meet it.
-void expect_no_return(const Tracer& tracer, const Primitives& primitives, const Vec3& origin,
-                      const Vec3& target, test::UniformLanes& random, int& tried) {
+void expect_no_return(const World& world, const Vec3& origin, const Vec3& target,
+                      test::UniformLanes& random, int& tried) {
+  const Tracer& tracer = world.tracer;
   const Vec3 direction = normalize(target - origin);
   const RayHits hits = tracer.intersect(all_lanes(), origin, direction);
-  const Surface s = surface_at(primitives, hits, origin, direction, {});
+  const Surface s = surface_at(world.primitives, world.placements, hits, origin, direction, {});
   for (int i = 0; i < 4; ++i) {
     Vec3 out = random.direction();
     // Half of them nearly along the surface.
@@ -70,7 +71,7 @@ TEST_P(OffsetTest, FlatShapesAreNotMetAgain) {
     const World world(b);
     for (int i = 0; i < 20; ++i) {
       const Vec3 origin = at(random.direction() * Float(5.F));
-      expect_no_return(world.tracer, world.primitives, origin, at(random.direction() * Float(0.5F)),
+      expect_no_return(world, origin, at(random.direction() * Float(0.5F)),
                        random, tried);
     }
   }
@@ -86,7 +87,7 @@ TEST_P(OffsetTest, SpheresAreMetAgainOnlyAcross) {
     const Vec3 origin = at(random.direction() * Float(4.F));
     const Vec3 direction = normalize(at(random.direction() * Float(0.7F)) - origin);
     const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-    const Surface s = surface_at(world.primitives, hits, origin, direction, {});
+    const Surface s = surface_at(world.primitives, world.placements, hits, origin, direction, {});
     const Vec3 out = random.direction();
     const Float cosine = dot(out, s.geometric_normal);
     const Vec3 start = offset_origin(s.position, s.geometric_normal, s.offset, out);
@@ -113,7 +114,7 @@ TEST_P(OffsetTest, CylindersAreMetAgainOnlyAcross) {
     const Vec3 origin = at(random.direction() * Float(4.F));
     const Vec3 direction = normalize(at(random.direction() * Float(0.7F)) - origin);
     const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-    const Surface surface = surface_at(world.primitives, hits, origin, direction, {});
+    const Surface surface = surface_at(world.primitives, world.placements, hits, origin, direction, {});
     const Vec3 out = random.direction();
     const Float cosine = dot(out, surface.geometric_normal);
     const Vec3 start =
@@ -135,7 +136,7 @@ TEST_P(OffsetTest, OffsetsAreSmall) {
   const Vec3 origin = at(splat(0, 0, 5));
   const RayHits hits = world.tracer.intersect(all_lanes(), origin, splat(0, 0, -1));
   ASSERT_TRUE(all(hits.hit));
-  const Surface s = surface_at(world.primitives, hits, origin, splat(0, 0, -1), {});
+  const Surface s = surface_at(world.primitives, world.placements, hits, origin, splat(0, 0, -1), {});
   EXPECT_LT(lane_value(s.offset, 0), GetParam().scale * (1 + GetParam().center) * 1e-4);
   EXPECT_GT(lane_value(s.offset, 0), 0);
 }

@@ -10,10 +10,11 @@
 namespace metrofarm::geometry {
 
 struct World {
-  explicit World(scene::SceneDescription description)
+  explicit World(scene::SceneDescription description, const motion::Interval& interval = {})
       : scene(std::move(description)),
         primitives(build_primitives(scene)),
-        tracer(primitives, "avx2") {}
+        placements(scene, primitives, interval),
+        tracer(primitives, placements, "avx2") {}
   explicit World(test::SceneBuilder& builder) : World(builder.take()) {}
 
   // The surface that a ray meets. Requires: it meets one.
@@ -21,11 +22,12 @@ struct World {
     const Vec3 o = test::splat(from), d = test::splat(normalize(direction));
     const RayHits hits = tracer.intersect(all_lanes(), o, d);
     EXPECT_TRUE(all(hits.hit));
-    return surface_at(primitives, hits, o, d, {true, true});
+    return surface_at(primitives, placements, hits, o, d, {true, true});
   }
 
   scene::SceneDescription scene;
   Primitives primitives;
+  Placements placements;
   Tracer tracer;
 };
 

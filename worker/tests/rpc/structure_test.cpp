@@ -63,11 +63,16 @@ TEST(Structure, SensorAndSky) {
   scene::SceneDescription d = b.take();
   d.sensor.projection = scene::Projection::kThinLens;
   d.sensor.aperture_radius = 0.1;
-  d.sensor.keys.resize(2);
+  d.sensor.motion.keys.resize(3);
+  for (size_t i = 0; i < 3; ++i) d.sensor.motion.keys[i].time = static_cast<double>(i);
+  d.sensor.motion.keys[0].to_world[3] = 1;  // stands still from the second key on
   d.integrator.hide_emitters = true;
   const auto s = structure_of(d);
   EXPECT_TRUE(s.lens());
   EXPECT_TRUE(s.motion());
+  ASSERT_EQ(s.moving_size(), 1);
+  EXPECT_EQ(s.moving(0).begin(), 0);
+  EXPECT_EQ(s.moving(0).end(), 1);
   EXPECT_TRUE(s.hide_emitters());
   EXPECT_EQ(s.extended_lights(), 1U);
   EXPECT_EQ(s.delta_lights(), 1U);

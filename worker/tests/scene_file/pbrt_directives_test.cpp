@@ -62,40 +62,42 @@ TEST(PbrtDirectives, NamedCoordinateSystemsComeBack) {
               {0, 0, 7});
 }
 
-TEST(PbrtDirectives, MotionStandsAtTheShuttersStart) {
-  const auto scene = valid_pbrt(
-      "LightSource \"infinite\" "
-      "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 9 0 0 "
-      "ActiveTransform All Translate 0 1 0 Shape \"sphere\"");
-  expect_near(center_of(scene), {1, 1, 0});
-  ASSERT_EQ(scene.warnings.size(), 1U);
-  EXPECT_TRUE(contains(scene.warnings[0].message, "move"));
-}
-
-TEST(PbrtDirectives, MotionStandsWhereTheShutterOpens) {
+TEST(PbrtDirectives, ThingsMoveFromTransformToTransform) {
   const auto scene = valid_pbrt(
       "LightSource \"infinite\" "
       "Shape \"sphere\" ActiveTransform EndTime Translate 10 0 0 ActiveTransform All "
-      "Translate 0 1 0 Shape \"sphere\" ObjectBegin \"o\" Shape \"disk\" ObjectEnd "
-      "ObjectInstance \"o\"",
+      "Translate 0 1 0 Shape \"sphere\" ObjectBegin \"o\" ActiveTransform All Identity "
+      "Shape \"disk\" ObjectEnd ObjectInstance \"o\" LightSource \"point\"",
       "TransformTimes 1 3 ActiveTransform EndTime Translate 0 0 -8 ActiveTransform All "
       "Camera \"perspective\" \"float shutteropen\" 1.5 \"float shutterclose\" 2");
   ASSERT_EQ(scene.shapes.size(), 3U);
-  EXPECT_TRUE(scene.shapes[0].keys.empty());
-  expect_near(std::get<scene::Sphere>(scene.shapes[1].geometry).center, {2.5, 1, 0});
-  ASSERT_EQ(scene.shapes[1].keys.size(), 2U);
-  EXPECT_EQ(scene.shapes[1].keys[0].time, 1);
-  EXPECT_EQ(scene.shapes[1].keys[1].time, 3);
-  expect_near(column(scene.shapes[1].keys[1].to_world, 3), {10, 1, 0});
+  EXPECT_TRUE(scene.shapes[0].motion.empty());
+  expect_near(std::get<scene::Sphere>(scene.shapes[1].geometry).center, {0, 0, 0});
+  ASSERT_EQ(scene.shapes[1].motion.keys.size(), 2U);
+  EXPECT_EQ(scene.shapes[1].motion.keys[0].time, 1);
+  EXPECT_EQ(scene.shapes[1].motion.keys[1].time, 3);
+  expect_near(column(scene.shapes[1].motion.keys[0].to_world, 3), {0, 1, 0});
+  expect_near(column(scene.shapes[1].motion.keys[1].to_world, 3), {10, 1, 0});
   ASSERT_EQ(scene.instances.size(), 1U);
-  expect_near(column(scene.instances[0].to_world, 3), {2.5, 1, 0});
-  EXPECT_EQ(scene.instances[0].keys.size(), 2U);
-  expect_near(column(scene.sensor.to_world, 3), {0, 0, 2});
-  ASSERT_EQ(scene.sensor.keys.size(), 2U);
-  expect_near(column(scene.sensor.keys[1].to_world, 3), {0, 0, 8});
+  EXPECT_EQ(scene.instances[0].motion.keys.size(), 2U);
+  ASSERT_EQ(scene.emitters.size(), 2U);
+  EXPECT_TRUE(scene.emitters[0].motion.empty());
+  EXPECT_EQ(scene.emitters[1].motion.keys.size(), 2U);
+  ASSERT_EQ(scene.sensor.motion.keys.size(), 2U);
+  expect_near(column(scene.sensor.motion.keys[1].to_world, 3), {0, 0, 8});
   EXPECT_EQ(scene.sensor.shutter_open, 1.5);
   EXPECT_EQ(scene.sensor.shutter_close, 2);
-  EXPECT_EQ(scene.warnings.size(), 1U);
+  EXPECT_TRUE(scene.warnings.empty());
+}
+
+TEST(PbrtDirectives, ShapesOfObjectsStandWhereTheShutterOpens) {
+  const auto scene = valid_pbrt(
+      "LightSource \"infinite\" ObjectBegin \"o\" ActiveTransform EndTime Translate 8 0 0 "
+      "Shape \"sphere\" ObjectEnd ActiveTransform All Identity ObjectInstance \"o\"",
+      "Camera \"perspective\" \"float shutteropen\" 0.25");
+  expect_near(center_of(scene), {2, 0, 0});
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_TRUE(contains(scene.warnings[0].message, "moves with its instances only"));
 }
 
 TEST(PbrtDirectives, ObjectsBecomeGroupsWithInstances) {

@@ -217,10 +217,10 @@ TEST(Sensor, KeepsAnimationAndShutter) {
 </animation>)"));
   EXPECT_EQ(scene.sensor.shutter_open, 1);
   EXPECT_EQ(scene.sensor.shutter_close, 2);
-  ASSERT_EQ(scene.sensor.keys.size(), 2U);
-  EXPECT_EQ(scene.sensor.keys[0].time, 1);
-  EXPECT_EQ(scene.sensor.keys[1].to_world[3], 5);
-  EXPECT_EQ(scene.sensor.to_world[3], 3);
+  ASSERT_EQ(scene.sensor.motion.keys.size(), 2U);
+  EXPECT_EQ(scene.sensor.motion.keys[0].time, 1);
+  EXPECT_EQ(scene.sensor.motion.keys[1].to_world[3], 5);
+  EXPECT_EQ(scene.sensor.to_world[3], 0);
   EXPECT_EQ(error_of(sensor("<float name=\"shutter_close\" value=\"-1\"/>")),
             "scene.xml:2: shutter_close must not be before shutter_open");
 }

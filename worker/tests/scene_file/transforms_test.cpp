@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include "scene_file/motion.h"
 #include "support.h"
 
 namespace metrofarm::scene_file::test {
@@ -62,73 +61,60 @@ TEST(Transforms, LaterStepsActAfterEarlierOnes) {
                    {2, 0, 0, 1, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
 }
 
+// A disk that moves as the content of its <animation> says.
+scene::Motion motion_of(const std::string& keys, const std::string& attributes = "") {
+  const auto scene = load_valid("<shape type=\"disk\"><animation name=\"to_world\"" + attributes +
+                                ">" + keys + "</animation></shape>");
+  EXPECT_EQ(std::get<scene::Disk>(scene.shapes.at(0).geometry).to_world, kIdentity);
+  return scene.shapes.at(0).motion;
+}
+
 TEST(Animation, IsReadInTheOrderOfTime) {
+  const scene::Motion motion = motion_of(
+      "<transform time=\"0.5\"><translate x=\"2\"/></transform>"
+      "<transform time=\"0\"><rotate z=\"1\" angle=\"400\"/><translate x=\"1\"/></transform>");
+  ASSERT_EQ(motion.keys.size(), 2U);
+  EXPECT_EQ(motion.keys[0].time, 0);
+  EXPECT_EQ(motion.keys[1].time, 0.5);
+  EXPECT_EQ(motion.keys[1].to_world[3], 2);
+  ASSERT_EQ(motion.keys[0].turns.size(), 1U);
+  EXPECT_EQ(motion.keys[0].turns[0].degrees, 400);
+  EXPECT_EQ(motion.path, scene::MotionPath::kLinear);
+}
+
+TEST(Animation, PathsMayBeCurved) {
+  const std::string keys =
+      "<transform time=\"0\" out=\"1, 2, 3\"><translate x=\"1\"/></transform>"
+      "<transform time=\"1\"><translate x=\"2\"/></transform>";
+  const scene::Motion bezier = motion_of(keys, " interpolation=\"bezier\"");
+  EXPECT_EQ(bezier.path, scene::MotionPath::kBezier);
+  EXPECT_EQ(bezier.keys[0].out, (scene::Point{1, 2, 3}));
+  EXPECT_EQ(bezier.keys[1].in, (scene::Point{2, 0, 0}));  // where the key itself is
+  const scene::Motion smooth =
+      motion_of("<transform time=\"0\"/><transform time=\"1\"/>", " interpolation=\"catmullrom\"");
+  EXPECT_EQ(smooth.path, scene::MotionPath::kCatmullRom);
+}
+
+TEST(Animation, OfOneKeyIsATransform) {
   const auto scene = load_valid(R"(<shape type="disk"><animation name="to_world">
-<transform time="0.5"><translate x="2"/></transform>
 <transform time="0"><translate x="1"/></transform></animation></shape>)");
-  ASSERT_EQ(scene.shapes.size(), 1U);
-  ASSERT_EQ(scene.shapes[0].keys.size(), 2U);
-  EXPECT_EQ(scene.shapes[0].keys[0].time, 0);
-  EXPECT_EQ(scene.shapes[0].keys[1].time, 0.5);
-  EXPECT_EQ(scene.shapes[0].keys[1].to_world[3], 2);
+  EXPECT_TRUE(scene.shapes[0].motion.empty());
   EXPECT_EQ(std::get<scene::Disk>(scene.shapes[0].geometry).to_world[3], 1);
 }
 
-scene::Matrix moving_disk(double shutter_open, const std::string& keys) {
-  const auto scene =
-      load_valid("<sensor type=\"perspective\"><float name=\"shutter_open\" value=\"" +
-                 std::to_string(shutter_open) +
-                 "\"/></sensor><shape type=\"disk\"><animation name=\"to_world\">" + keys +
-                 "</animation></shape>");
-  EXPECT_EQ(scene.shapes.at(0).keys.size(), 2U);
-  return std::get<scene::Disk>(scene.shapes.at(0).geometry).to_world;
-}
-
-TEST(Animation, StandsWhereItIsWhenTheShutterOpens) {
+TEST(Animation, MovesLightsButNotEnvironments) {
   const std::string keys =
-      "<transform time=\"1\"><scale value=\"2\"/><translate x=\"1\"/></transform>"
-      "<transform time=\"3\"><scale value=\"4\"/><rotate z=\"1\" angle=\"90\"/>"
-      "<translate x=\"5\" y=\"8\"/></transform>";
-  const auto pose = [](double degrees, double scale, double x, double y) {
-    return multiply(multiply(translation({x, y, 0}), rotation({0, 0, 1}, degrees)),
-                    scaling({scale, scale, scale}));
-  };
-  const std::pair<double, scene::Matrix> cases[] = {
-      {0, pose(0, 2, 1, 0)},  {1, pose(0, 2, 1, 0)},  {1.5, pose(22.5, 2.5, 2, 2)},
-      {2, pose(45, 3, 3, 4)}, {3, pose(90, 4, 5, 8)}, {9, pose(90, 4, 5, 8)}};
-  for (const auto& [time, expected] : cases) {
-    const scene::Matrix actual = moving_disk(time, keys);
-    for (int i = 0; i < 16; ++i) EXPECT_NEAR(actual[i], expected[i], 1e-14) << time << " at " << i;
+      "<animation name=\"to_world\"><transform time=\"0\"/><transform time=\"1\">"
+      "<translate x=\"1\"/></transform></animation></emitter>";
+  for (const char* type : {"point", "spot", "directional"}) {
+    const auto scene = load_valid("<emitter type=\"" + std::string(type) + "\">" + keys);
+    EXPECT_EQ(scene.emitters.at(0).motion.keys.size(), 2U) << type;
   }
-}
-
-// Stretches along axes that are not the coordinates', a mirror, and the shorter of the two arcs.
-TEST(Animation, KeysMayShearAndMirror) {
-  const std::vector<scene::Matrix> stretches = {
-      {2, 1, 0, 0, 1, 3, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1},
-      {-1, 0, 0, 0, 0, -2, 0, 0, 0, 0, -3, 0, 0, 0, 0, 1}};
-  for (const scene::Matrix& stretch : stretches) {
-    const std::vector<scene::Keyframe> keys = {
-        {0, multiply(rotation({1, 2, 3}, 170), stretch)},
-        {1, multiply(rotation({1, 2, 3}, 270), multiply(stretch, scaling({3, 3, 3})))}};
-    const scene::Matrix expected =
-        multiply(rotation({1, 2, 3}, 195), multiply(stretch, scaling({1.5, 1.5, 1.5})));
-    const auto actual = pose_at(keys, 0.25);
-    ASSERT_TRUE(actual);
-    for (size_t i = 0; i < 16; ++i) EXPECT_NEAR((*actual)[i], expected[i], 1e-13) << i;
-  }
-  const std::vector<scene::Keyframe> keys = {{0, rotation({0, 1, 0}, 10)},
-                                             {1, rotation({0, 1, 0}, 350)}};
-  const auto half = pose_at(keys, 0.5);
-  ASSERT_TRUE(half);
-  for (size_t i = 0; i < 16; ++i) EXPECT_NEAR((*half)[i], kIdentity[i], 1e-15);
-}
-
-TEST(Animation, KeysMustNotFlattenWhereAPoseBetweenThemIsShown) {
-  const std::vector<scene::Keyframe> keys = {{0, scaling({1, 1, 0})}, {1, translation({1, 0, 0})}};
-  EXPECT_FALSE(pose_at(keys, 0.5));
-  EXPECT_EQ(pose_at(keys, 0), keys[0].to_world);
-  EXPECT_EQ(pose_at(keys, 1), keys[1].to_world);
+  EXPECT_EQ(error_of("<shape type=\"shapegroup\" id=\"g\"><shape type=\"disk\">\n"
+                     "<animation name=\"to_world\"><transform time=\"0\"/><transform time=\"1\"/>"
+                     "</animation></shape></shape><shape type=\"instance\"><ref id=\"g\"/></shape>"),
+            "scene.xml:3: parameter \"to_world\" of shape \"disk\" cannot be an <animation>: this "
+            "does not move by itself");
 }
 
 TEST(Animation, Errors) {
@@ -142,6 +128,14 @@ TEST(Animation, Errors) {
             "scene.xml:4: <animation> takes <transform time=\"SECONDS\"> only");
   EXPECT_EQ(animation("<transform time=\"1\"/><transform time=\"1\"/>"),
             "scene.xml:3: two <transform> of an <animation> have the same time");
+  EXPECT_EQ(animation("<transform time=\"1\"><scale z=\"0\"/></transform><transform time=\"2\"/>"),
+            "scene.xml:3: the transforms of what moves must not flatten it");
+  EXPECT_EQ(animation("<transform time=\"1\" in=\"1, 2, 3\"/>"),
+            "scene.xml:4: in= and out= of a <transform> need <animation interpolation=\"bezier\">");
+  EXPECT_EQ(error_of("<shape type=\"disk\">\n<animation name=\"to_world\" "
+                     "interpolation=\"cubic\"><transform time=\"0\"/></animation></shape>"),
+            "scene.xml:3: unknown interpolation \"cubic\" of an <animation>; supported: linear, "
+            "catmullrom, bezier");
 }
 
 TEST(Transforms, Errors) {

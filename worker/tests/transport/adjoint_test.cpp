@@ -87,7 +87,7 @@ class LightTracer {
 
   Vertex vertex_at(const geometry::RayHits& hits, const Vec3& origin, const Vec3& direction) {
     Vertex v;
-    v.surface = geometry::surface_at(scene_.primitives(), hits, origin, direction, {});
+    v.surface = geometry::surface_at(scene_.primitives(), scene_.placements(), hits, origin, direction, {});
     v.frame = frame_around(v.surface.shading_normal);
     v.wo = v.frame.to_local(-direction);
     const Int bsdf = gather(scene_.primitives().bsdf_of.data(), v.surface.shape, hits.hit);

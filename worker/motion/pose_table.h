@@ -1,0 +1,76 @@
+// Poses of what moves while a shutter is open, for eight lanes at times of their own.
+//
+// Each motion is kept as poses at equal distances in time, from the interval's begin to its end,
+// in the form in which Embree takes them: T R S, R a quaternion and S upper triangular. What lies
+// between two of them is defined as Embree has it, T and S linear and R along the arc, so that
+// shading finds surfaces where rays have met them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "math/vec.h"
+#include "motion/track.h"
+
+namespace metrofarm::motion {
+
+// A map to the world in each lane.
+struct LanePose {
+  Vec3 column[3];  // of the linear part
+  Vec3 offset;
+
+  Vec3 vector(const Vec3& v) const { return column[0] * v.x + column[1] * v.y + column[2] * v.z; }
+  Vec3 point(const Vec3& p) const { return vector(p) + offset; }
+  Float determinant() const { return dot(column[0], cross(column[1], column[2])); }
+};
+
+// Its inverse and what maps normals.
+struct LaneInverse {
+  Vec3 row[3];  // of the inverse linear part; the columns of its transpose, which maps normals
+
+  Vec3 vector(const Vec3& v) const { return {dot(row[0], v), dot(row[1], v), dot(row[2], v)}; }
+  Vec3 normal(const Vec3& n) const { return row[0] * n.x + row[1] * n.y + row[2] * n.z; }
+};
+LaneInverse inverse_of(const LanePose& pose);
+
+// A pose as the table has it.
+struct StepPose {
+  float scale[3];
+  float skew[3];      // of y on x, z on x, z on y
+  float rotation[4];  // x y z w
+  float offset[3];
+  float half_angle;  // of the rotation to the next step, radians
+  float per_sine;    // 1 / sin of it, 0 where there is no rotation
+  float unused;
+};
+inline constexpr int kStepStride = 16;
+static_assert(sizeof(StepPose) == kStepStride * sizeof(float));
+
+class PoseTable {
+ public:
+  explicit PoseTable(const Interval& interval) : interval_(interval) {}
+
+  // Adds the pose track.at() * inner and returns its number. reach: how far from the origin of its
+  // space there is something that moves; size: of that. Deviations from the track are kept small
+  // relative to the size, as far as there can be steps enough.
+  int32_t add(const Track& track, const Matrix& inner, double reach, double size);
+
+  size_t count() const { return first_.size(); }
+  const Interval& interval() const { return interval_; }
+  // time: in [0, 1], from the interval's begin to its end. Requires: number < count() in lanes.
+  LanePose at(Int number, Float time, Mask lanes) const;
+  const StepPose* steps(size_t number) const { return &rows_[static_cast<size_t>(first_[number])]; }
+  int step_count(size_t number) const { return last_[number] - first_[number] + 1; }
+
+  uint64_t bytes() const {
+    return rows_.capacity() * sizeof(StepPose) +
+           (first_.capacity() + last_.capacity()) * sizeof(int32_t);
+  }
+
+ private:
+  Interval interval_;
+  std::vector<StepPose> rows_;
+  std::vector<int32_t> first_, last_;  // rows of each motion
+};
+
+}  // namespace metrofarm::motion
