@@ -35,7 +35,7 @@ MOTION_CASES = [
     # The ball has turned by 0, 90, 180, 270 degrees, and by two turns and an eighth.
     MotionCase("ball", (0.0, 0.125, 0.25, 0.375, 1.5)),
     MotionCase("car", (-1.0, 0.7, 1.5, 2.0, 2.8)),
-    MotionCase("light", (0.0, 0.2, 0.5, 0.7, 1.0)),
+    MotionCase("light", (0.0, 0.2, 0.5, 0.7, 1.0), difficulty=2.0),
     MotionCase("camera", (0.0, 0.3, 0.5, 0.9, 2.0)),
     MotionCase("cloth", (0.0, 0.1, 0.5, 0.6, 1.0)),
     MotionCase("curves", (0.2, 0.7, 1.2, 1.6, 2.1)),

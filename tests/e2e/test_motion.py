@@ -102,7 +102,7 @@ def test_time_is_no_coordinate_while_nothing_moves(integrator: str, tmp_path: Pa
 def test_instants_differ(tmp_path: Path) -> None:
     films = {
         render(tmp_path, MOTION / "ball.xml", "path", *opens(t, t))["film_sha256"]
-        for t in (0, 0.25, 0.5)
+        for t in (0, 0.25, 0.4)
     }
     assert len(films) == 3
 
