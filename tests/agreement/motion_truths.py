@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cases import TILE
-
 SIDE = 32
 # Points of quadrature: in each pixel and over the time that the shutter is open.
 PER_PIXEL = 64
@@ -25,6 +23,13 @@ class Shutter:
     roll: float = 0.0
 
 
+def row_lags(shutter: Shutter, strips: int) -> np.ndarray:
+    """In the middle of each of so many strips of each row of pixels: the lag grows from the middle
+    of the first row to that of the last."""
+    down = (np.arange(SIDE * strips) + 0.5) / strips
+    return shutter.roll * np.clip((down - 0.5) / (SIDE - 1), 0.0, 1.0)
+
+
 def wiper(shutter: Shutter) -> np.ndarray:
     """At the share s of the width the wall is seen from the time s on."""
     relative = np.linspace(0.0, 1.0, INSTANTS)
@@ -33,13 +38,14 @@ def wiper(shutter: Shutter) -> np.ndarray:
     steps = 0.5 * (efficiency[1:] + efficiency[:-1]) * length / (INSTANTS - 1)
     so_far = np.concatenate([[0.0], np.cumsum(steps)])
     seen_from = ((np.arange(SIDE * PER_PIXEL) + 0.5) / (SIDE * PER_PIXEL)).reshape(SIDE, PER_PIXEL)
-    lags = shutter.roll * np.arange(SIDE) / (SIDE - 1)
     rows = []
-    for lag in lags:
+    for lag in row_lags(shutter, PER_PIXEL) if shutter.roll else [0.0]:
         since = np.clip((seen_from - shutter.opens - lag) / length, 0.0, 1.0)
         light = so_far[-1] - np.interp(since, relative, so_far)
         rows.append(light.mean(axis=1) / (1.0 if shutter.camera else so_far[-1]))
-    return np.stack(rows)[:, :, None] * np.array([2.0, 1.0, 0.5])
+    lines = np.broadcast_to(np.stack(rows), (SIDE * PER_PIXEL, SIDE))
+    image = lines.reshape(SIDE, PER_PIXEL, SIDE).mean(axis=1)
+    return image[:, :, None] * np.array([2.0, 1.0, 0.5])
 
 
 def corner_angle(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -47,28 +53,26 @@ def corner_angle(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.arctan(x * y / (z * np.sqrt(x * x + y * y + z * z)))
 
 
-def lamp() -> np.ndarray:
-    """The mean over the flight of radiance r^2 times a tile's solid angle over its area, reflected;
-    every pixel of a tile has its tile's mean."""
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    time = 0.5 * (nodes + 1)
-    position = np.array([-1.2, -0.4, 1.3]) + time[:, None] * (
-        np.array([1.0, 0.6, 1.9]) - np.array([-1.2, -0.4, 1.3])
-    )
-    radius = 0.1 + 0.1 * time
-    edges = np.linspace(-1.0, 1.0, SIDE // TILE + 1)
-    x, y, z = position.T
-    # [time, row, column]; the first row is the one with the largest y.
-    corner = corner_angle(
-        edges[None, None, :] - x[:, None, None],
-        edges[None, ::-1, None] - y[:, None, None],
-        z[:, None, None],
-    )
-    angle = -np.diff(np.diff(corner, axis=1), axis=2)
-    area = (edges[1] - edges[0]) ** 2
-    flux = np.einsum("t,trc->rc", 0.5 * weights * 20.0 * radius**2, angle) / area
-    tiles = flux[:, :, None] * np.array([0.5, 0.25, 0.8])
-    return np.kron(tiles, np.ones((TILE, TILE, 1)))
+def lamp(shutter: Shutter) -> np.ndarray:
+    """The mean over the time of radiance r^2 times the solid angle of a strip of a pixel over its
+    area, reflected. The shutter is a box that is open while the lamp moves."""
+    nodes, weights = np.polynomial.legendre.leggauss(32)
+    strips = 8
+    x_edges = np.linspace(-1.0, 1.0, SIDE + 1)
+    y_edges = np.linspace(1.0, -1.0, SIDE * strips + 1)
+    area = (x_edges[1] - x_edges[0]) * (y_edges[0] - y_edges[1])
+    start, end = np.array([-1.2, -0.4, 1.3]), np.array([1.0, 0.6, 1.9])
+    rows = []
+    for top, bottom, lag in zip(y_edges, y_edges[1:], row_lags(shutter, strips), strict=False):
+        middle = 0.5 * (shutter.opens + shutter.closes) + lag
+        time = middle + 0.5 * (shutter.closes - shutter.opens) * nodes
+        x, y, z = (start + time[:, None] * (end - start)).T[:, :, None]
+        # [time, column]
+        angle = np.diff(corner_angle(x_edges - x, top - y, z), axis=1)
+        angle -= np.diff(corner_angle(x_edges - x, bottom - y, z), axis=1)
+        rows.append(0.5 * weights * 20.0 * (0.1 + 0.1 * time) ** 2 @ angle / area)
+    image = np.stack(rows).reshape(SIDE, strips, SIDE).mean(axis=1)
+    return image[:, :, None] * np.array([0.5, 0.25, 0.8])
 
 
 def spin() -> np.ndarray:

@@ -73,7 +73,6 @@ SHUTTERS: dict[str, tuple[Way, Shutter, tuple[str, ...]]] = {
     "tabulated": (PATH, Shutter(0.1, 0.9, tabulated), TABULATED),
     "tabulated-chains": (DELAYED, Shutter(0.0, 0.8, tabulated, True), (*TABULATED, *CAMERA)),
     "rolling": (PATH, Shutter(0.1, 0.3, roll=0.6), ("--rolling-shutter=0.6",)),
-    "rolling-bdpt": (BDPT, Shutter(0.1, 0.3, roll=0.6), ("--rolling-shutter=0.6",)),
     "rolling-back-chains": (
         DELAYED,
         Shutter(0.6, 0.9, tabulated, True, roll=-0.5),
@@ -114,7 +113,8 @@ CHOICES = {
     "spin": Choice(
         {f"{a:.2f}-{b:.2f}": (a, b) for a, b in SPINS}, {"0.08-0.08", "0.46-0.46", "0.00-1.00"}
     ),
-    "flux": ways(PATH, BDPT, MMLT_DELAYED),
+    "flux": ways(PATH, MMLT_DELAYED),
+    "rolling": ways(BDPT),
     "furnace": ways(PATH, BDPT, DELAYED),
 }
 
@@ -189,7 +189,15 @@ def test_the_shutter_weighs_the_light(shutter: tuple[Way, Shutter, tuple[str, ..
 
 def test_a_moving_emitter_keeps_its_flux(flux: Way) -> None:
     work = 64 if flux in (PATH, BDPT) else 256
-    check_exact(closed_form("lamp", flux, work), motion_truths.lamp(), 0.20)
+    check_exact(closed_form("lamp", flux, work), motion_truths.lamp(Shutter()), 0.20)
+
+
+def test_rows_see_the_emitter_at_their_own_times(rolling: Way) -> None:
+    """Light that reaches the camera from the other side too, where the row comes after the time."""
+    work = 64 if rolling in (PATH, BDPT) else 256
+    shutter = Shutter(0.2, 0.35, roll=0.6)
+    options = (*shutter_options(shutter.opens, shutter.closes), f"--rolling-shutter={shutter.roll}")
+    check_exact(closed_form("lamp", rolling, work, options), motion_truths.lamp(shutter), 0.25)
 
 
 def test_a_turning_ball_does_not_shrink(spin: tuple[float, float]) -> None:
