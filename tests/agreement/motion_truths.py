@@ -53,7 +53,20 @@ def corner_angle(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.arctan(x * y / (z * np.sqrt(x * x + y * y + z * z)))
 
 
-def lamp(shutter: Shutter) -> np.ndarray:
+@dataclass(frozen=True)
+class Flight:
+    """Of a ball of light, in the image's coordinates: position and radius at the times 0 and 1."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: tuple[float, float]
+
+
+LAMP = Flight((-1.2, -0.4, 1.3), (1.0, 0.6, 1.9), (0.1, 0.2))
+TOGETHER = Flight((-0.4, 0.3, 1.5), (-0.4, 0.3, 1.5), (0.15, 0.15))
+
+
+def lamp(flight: Flight, shutter: Shutter) -> np.ndarray:
     """The mean over the time of radiance r^2 times the solid angle of a strip of a pixel over its
     area, reflected. The shutter is a box that is open while the lamp moves."""
     nodes, weights = np.polynomial.legendre.leggauss(32)
@@ -61,7 +74,7 @@ def lamp(shutter: Shutter) -> np.ndarray:
     x_edges = np.linspace(-1.0, 1.0, SIDE + 1)
     y_edges = np.linspace(1.0, -1.0, SIDE * strips + 1)
     area = (x_edges[1] - x_edges[0]) * (y_edges[0] - y_edges[1])
-    start, end = np.array([-1.2, -0.4, 1.3]), np.array([1.0, 0.6, 1.9])
+    start, end = np.array(flight.start), np.array(flight.end)
     rows = []
     for top, bottom, lag in zip(y_edges, y_edges[1:], row_lags(shutter, strips), strict=False):
         middle = 0.5 * (shutter.opens + shutter.closes) + lag
@@ -70,7 +83,8 @@ def lamp(shutter: Shutter) -> np.ndarray:
         # [time, column]
         angle = np.diff(corner_angle(x_edges - x, top - y, z), axis=1)
         angle -= np.diff(corner_angle(x_edges - x, bottom - y, z), axis=1)
-        rows.append(0.5 * weights * 20.0 * (0.1 + 0.1 * time) ** 2 @ angle / area)
+        radius = flight.radius[0] + (flight.radius[1] - flight.radius[0]) * time
+        rows.append(0.5 * weights * 20.0 * radius**2 @ angle / area)
     image = np.stack(rows).reshape(SIDE, strips, SIDE).mean(axis=1)
     return image[:, :, None] * np.array([0.5, 0.25, 0.8])
 

@@ -20,7 +20,7 @@ from test_agreement import check
 import motion_truths
 from cases import SCENES
 from motion_cases import HEIGHT, MOTION_CASES, WIDTH, MotionCase
-from motion_truths import SIDE, Shutter
+from motion_truths import LAMP, SIDE, TOGETHER, Shutter
 from replicas import Settings, render_all
 from tiles import Estimate, compare, exact, from_replicas
 
@@ -115,6 +115,7 @@ CHOICES = {
     ),
     "flux": ways(PATH, MMLT_DELAYED),
     "rolling": ways(BDPT),
+    "together": ways(BDPT, DELAYED),
     "furnace": ways(PATH, BDPT, DELAYED),
 }
 
@@ -189,7 +190,7 @@ def test_the_shutter_weighs_the_light(shutter: tuple[Way, Shutter, tuple[str, ..
 
 def test_a_moving_emitter_keeps_its_flux(flux: Way) -> None:
     work = 64 if flux in (PATH, BDPT) else 256
-    check_exact(closed_form("lamp", flux, work), motion_truths.lamp(Shutter()), 0.20)
+    check_exact(closed_form("lamp", flux, work), motion_truths.lamp(LAMP, Shutter()), 0.20)
 
 
 def test_rows_see_the_emitter_at_their_own_times(rolling: Way) -> None:
@@ -197,7 +198,15 @@ def test_rows_see_the_emitter_at_their_own_times(rolling: Way) -> None:
     work = 64 if rolling in (PATH, BDPT) else 256
     shutter = Shutter(0.2, 0.35, roll=0.6)
     options = (*shutter_options(shutter.opens, shutter.closes), f"--rolling-shutter={shutter.roll}")
-    check_exact(closed_form("lamp", rolling, work, options), motion_truths.lamp(shutter), 0.25)
+    check_exact(
+        closed_form("lamp", rolling, work, options), motion_truths.lamp(LAMP, shutter), 0.25
+    )
+
+
+def test_camera_and_emitter_have_one_time(together: Way) -> None:
+    work = 64 if together in (PATH, BDPT) else 256
+    truth = motion_truths.lamp(TOGETHER, Shutter())
+    check_exact(closed_form("together", together, work), truth, 0.20)
 
 
 def test_a_turning_ball_does_not_shrink(spin: tuple[float, float]) -> None:
