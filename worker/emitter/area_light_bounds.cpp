@@ -125,6 +125,17 @@ LightBounds AreaLights::bounds(int light) const {
       }
     }
   }
+  if (instance_[light] != scene::kNone) {
+    const auto group =
+        static_cast<size_t>(primitives_.instances[static_cast<size_t>(instance_[light])].group);
+    if (primitives_.groups[group].deforming >= 0) {
+      // Somewhere in what all of the mesh fills at all times.
+      const geometry::Bounds box = geometry::bounds_of(primitives_, primitives_.groups[group]);
+      b.lower = three(box.lower);
+      b.upper = three(box.upper);
+      b.normals.cosine = kAllDirections;
+    }
+  }
   if (instance_[light] != scene::kNone) b = swept(b, static_cast<size_t>(instance_[light]));
   b.intensity = powers_[light] / per_intensity;
   return b;

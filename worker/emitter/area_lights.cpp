@@ -77,7 +77,7 @@ double AreaLights::mean_weight(int light, const scene::Colour& colour) const {
   double sum = 0;
   int rows = 0;
   for (int row = step / 2; row < 8; row += step, ++rows) {
-    const Point point = uniform_point(lights, grid_point(row), all_lanes());
+    const Point point = uniform_point(lights, grid_point(row), Float(0.F), all_lanes());
     const Surface surface = surface_of(lights, point, Float(0.F), all_lanes());
     sum += sum_of_lanes(weight_of(radiance(shape, surface.point, all_lanes())));
   }
@@ -89,8 +89,9 @@ double AreaLights::mean_stretch(int light) const {
   if (instance_[light] == scene::kNone) return 1;
   const Int lights(light);
   const Float times = Float(_mm256_setr_ps(0.5F, 1.5F, 2.5F, 3.5F, 4.5F, 5.5F, 6.5F, 7.5F));
-  Point point = uniform_point(lights, {Float(0.5F), Float(0.5F)}, all_lanes());
-  place(placed(lights, times / Float(8.F), all_lanes()), point);
+  const Float time = times / Float(8.F);
+  Point point = uniform_point(lights, {Float(0.5F), Float(0.5F)}, time, all_lanes());
+  place(placed(lights, time, all_lanes()), point);
   return sum_of_lanes(point.stretch) / kLanes;
 }
 
@@ -115,8 +116,19 @@ void AreaLights::place(const Placed& placed, Point& point) {
   point.normal = select(placed.lanes, normal / length_of_normal, point.normal);
   point.offset =
       select(placed.lanes, point.offset * c.offset_factor + c.offset_shift, point.offset);
-  point.stretch =
-      select(placed.lanes, xsimd::abs(c.pose.determinant()) * length_of_normal, Float(1.F));
+  const Float stretch = xsimd::abs(c.pose.determinant()) * length_of_normal;
+  point.stretch = select(placed.lanes, point.stretch * stretch, point.stretch);
+}
+
+// By which deforming has changed the area in the light's own space.
+Float AreaLights::own_stretch(Int light, Float time, Mask lanes) const {
+  const Int shape = gather(shape_.data(), light, lanes);
+  const Mask deforming = placements_.deformations().deforming(shape, lanes);
+  if (none(deforming)) return Float(1.F);
+  Float area;
+  geometry::point_on_triangle(primitives_, placements_, gather(primitive_.data(), light, deforming),
+                              {Float(0.F), Float(0.F)}, time, deforming, &area);
+  return select(deforming, area * gather(pdf_area_.data(), light, deforming), Float(1.F));
 }
 
 Float AreaLights::stretch(Int light, const Vec3& normal, Float time, Mask lanes) const {
@@ -125,7 +137,8 @@ Float AreaLights::stretch(Int light, const Vec3& normal, Float time, Mask lanes)
   // The normal in the light's space is that of the world under the transpose of the pose.
   const auto& column = p.carrier.pose.column;
   const Vec3 local = {dot(column[0], normal), dot(column[1], normal), dot(column[2], normal)};
-  return select(p.lanes, xsimd::abs(p.carrier.pose.determinant()) / length(local), Float(1.F));
+  const Float carried = xsimd::abs(p.carrier.pose.determinant()) / length(local);
+  return own_stretch(light, time, lanes) * select(p.lanes, carried, Float(1.F));
 }
 
 Mask AreaLights::analytic(Int light, Mask lanes) const {
@@ -156,12 +169,13 @@ Float AreaLights::sign_of(Int light, Mask lanes) const {
 }
 
 // pdf_area = 1 / area.
-AreaLights::Point AreaLights::uniform_point(Int light, Vec2 u, Mask lanes) const {
+AreaLights::Point AreaLights::uniform_point(Int light, Vec2 u, Float time, Mask lanes) const {
   const Mask shaped = analytic(light, lanes);
   const Vec2 b = square_to_triangle(u);
   const geometry::TrianglePoint t = geometry::point_on_triangle(
-      primitives_, gather(primitive_.data(), light, lanes), b.x, b.y, lanes & ~shaped);
+      primitives_, placements_, gather(primitive_.data(), light, lanes), b, time, lanes & ~shaped);
   Point point{t.position, t.normal, t.offset, b.x, b.y};
+  if (has_placed_) point.stretch = own_stretch(light, time, lanes);
   if (any(shaped)) {
     move_to_disk(light, u, of_kind(light, AnalyticKind::kDisk, shaped), point);
     move_to_cylinder(light, u, of_kind(light, AnalyticKind::kCylinder, shaped), point);
@@ -252,7 +266,7 @@ Surface AreaLights::surface_of(Int light, const Point& point, Float time, Mask l
 
 LightSample AreaLights::sample(Int light, const Receiver& receiver, Vec2 u, Mask lanes) const {
   const Vec3& reference = receiver.position;
-  Point point = uniform_point(light, u, lanes);
+  Point point = uniform_point(light, u, receiver.time, lanes);
   const Placed where = placed(light, receiver.time, lanes);
   Float cap_pdf(0.F);
   const Mask sphere = sphere_of(light, where, lanes);
@@ -286,7 +300,7 @@ LightSample AreaLights::sample(Int light, const Receiver& receiver, Vec2 u, Mask
 }
 
 Emission AreaLights::emit(Int light, Vec2 position, Vec2 direction, Float time, Mask lanes) const {
-  Point point = uniform_point(light, position, lanes);
+  Point point = uniform_point(light, position, time, lanes);
   place(placed(light, time, lanes), point);
   Emission e;
   const Vec3 local = square_to_cosine_hemisphere(direction);

@@ -44,8 +44,8 @@ class AreaLights {
   Float pdf_emission(Int light, Float cosine, Float stretch, Mask lanes) const {
     return pdf_area(light, stretch, lanes) * xsimd::max(cosine * Float(kInvPi), Float(0.F));
   }
-  // World area over area in the light's own space, at a point with that unit normal in the world:
-  // 1 but for lights that move or have moved, whose points are uniform in their own space.
+  // World area over the area that pdf_area_ is of, at a point with that unit normal in the world: 1
+  // but for lights that move or deform, whose points are uniform in their own space.
   Float stretch(Int light, const Vec3& normal, Float time, Mask lanes) const;
   // Radiance against `direction`, 0 on the side that the shading normal turns away from and where
   // nothing radiates.
@@ -83,9 +83,10 @@ class AreaLights {
   // Density by area in the world.
   Float pdf_area(Int light, Float stretch, Mask lanes) const {
     const Float pdf = gather(pdf_area_.data(), light, lanes);
-    return has_placed_ ? pdf / stretch : pdf;
+    return has_placed_ ? keep(pdf > Float(0.F), pdf / stretch) : pdf;
   }
-  Point uniform_point(Int light, Vec2 u, Mask lanes) const;
+  Point uniform_point(Int light, Vec2 u, Float time, Mask lanes) const;
+  Float own_stretch(Int light, Float time, Mask lanes) const;
   void move_to_disk(Int light, Vec2 u, Mask disk, Point& point) const;
   void move_to_cylinder(Int light, Vec2 u, Mask cylinder, Point& point) const;
   void move_to_sphere(Int light, Vec2 u, Mask sphere, Point& point) const;

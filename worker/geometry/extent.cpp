@@ -92,6 +92,12 @@ Bounds bounds_of(const Primitives& p, const PrimitiveRange& range) {
     const float* v = &p.positions[3 * size_t(indices[i])];
     for (int k = 0; k < 3; ++k) include(bounds, k, v[k], v[k]);
   }
+  if (range.deforming >= 0) {
+    for (const scene::VertexKey& key : p.deforming[static_cast<size_t>(range.deforming)].keys) {
+      for (size_t i = 0; i < key.positions.size(); ++i)
+        include(bounds, static_cast<int>(i % 3), key.positions[i], key.positions[i]);
+    }
+  }
   for (int32_t i = 0; i < range.analytic_count; ++i) {
     const Bounds b = bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i));
     for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);

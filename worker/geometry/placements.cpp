@@ -89,7 +89,7 @@ Extent extent_of(const Bounds& box) {
 
 Placements::Placements(const scene::SceneDescription& description, const Primitives& primitives,
                        const motion::Interval& interval)
-    : poses_(interval) {
+    : deformations_(description.shapes, primitives, interval), poses_(interval) {
   std::vector<Bounds> groups;
   for (const PrimitiveRange& group : primitives.groups)
     groups.push_back(bounds_of(primitives, group));
@@ -188,7 +188,7 @@ std::array<float, 12> Placements::matrix_at(size_t instance, float time) const {
 }
 
 uint64_t Placements::bytes() const {
-  return poses_.bytes() + fixed_.capacity() * sizeof(float) +
+  return deformations_.bytes() + poses_.bytes() + fixed_.capacity() * sizeof(float) +
          (moving_.capacity() + keeps_angles_.capacity()) * sizeof(int32_t);
 }
 

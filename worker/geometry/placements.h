@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "geometry/deformation.h"
 #include "geometry/primitives.h"
 #include "motion/pose_table.h"
 
@@ -29,7 +30,8 @@ class Placements {
   bool empty() const { return fixed_.empty(); }
   size_t count() const { return moving_.size(); }
   // Whether time matters: something is not the same all the time.
-  bool anything_moves() const { return poses_.count() > 0; }
+  bool anything_moves() const { return poses_.count() > 0 || deformations_.anything_moves(); }
+  const Deformations& deformations() const { return deformations_; }
 
   // Requires: the lanes have an instance.
   Carrier at(Int instance, Float time, Mask lanes) const;
@@ -62,6 +64,7 @@ class Placements {
   void add_fixed(const scene::Matrix& to_world);
   void add_moving(const scene::Matrix& inner, const motion::Track& track, const Bounds& group);
 
+  Deformations deformations_;
   motion::PoseTable poses_;
   std::vector<float> fixed_;
   std::vector<int32_t> moving_;  // by instance: its number in poses_, -1 where it does not move

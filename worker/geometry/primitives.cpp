@@ -65,6 +65,7 @@ class Builder {
     for (size_t s : order_) {
       if (auto* mesh = std::get_if<TriangleMesh>(&description_.shapes[s].geometry)) {
         add_mesh(static_cast<int32_t>(s), *mesh);
+        if (!mesh->keys.empty()) add_deforming(static_cast<int32_t>(s), *mesh);
         *mesh = {};
       }
     }
@@ -111,7 +112,7 @@ class Builder {
   }
 
   static bool moves(const Shape& shape) {
-    return shape.group == scene::kNone && !shape.motion.empty();
+    return shape.group == scene::kNone && (!shape.motion.empty() || !shape.key_times.empty());
   }
 
   PrimitiveRange& range_of(int32_t shape) {
@@ -166,6 +167,18 @@ class Builder {
     for (uint32_t index : mesh.indices)
       out_.indices.push_back(first_vertex + static_cast<int32_t>(index));
     out_.shape_of.insert(out_.shape_of.end(), triangles, shape);
+  }
+
+  // Requires: the mesh has just been added.
+  void add_deforming(int32_t shape, TriangleMesh& mesh) {
+    METROFARM_CHECK(group_of_[shape] != scene::kNone);
+    DeformingMesh added;
+    added.shape = shape;
+    added.first_vertex = static_cast<int32_t>((out_.positions.size() - mesh.positions.size()) / 3);
+    added.keys = std::move(mesh.keys);
+    added.indices.assign(mesh.indices.begin(), mesh.indices.end());
+    range_of(shape).deforming = static_cast<int32_t>(out_.deforming.size());
+    out_.deforming.push_back(std::move(added));
   }
 
   static void append_or_zero(bool wanted, const std::vector<float>& source,
@@ -250,6 +263,11 @@ class Builder {
 uint64_t Primitives::bytes() const {
   uint64_t sum = 0;
   for (const AttributeTable& table : attributes) sum += bytes_of(table.values);
+  for (const DeformingMesh& mesh : deforming) {
+    sum += bytes_of(mesh.indices);
+    for (const scene::VertexKey& key : mesh.keys)
+      sum += bytes_of(key.positions) + bytes_of(key.normals);
+  }
   return sum + bytes_of(positions) + bytes_of(normals) + bytes_of(texcoords) + bytes_of(indices) +
          bytes_of(analytic) + bytes_of(analytic_kind) + bytes_of(shape_of) + bytes_of(shapes) +
          bytes_of(bsdf_of) + bytes_of(normal_sign) + bytes_of(has_normals) +

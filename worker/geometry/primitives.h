@@ -36,6 +36,7 @@ struct PrimitiveRange {
   int32_t triangle_count = 0;
   int32_t first_analytic = 0;  // index among the analytic shapes
   int32_t analytic_count = 0;
+  int32_t deforming = -1;  // number of the mesh that it is, if it deforms
   bool empty() const { return triangle_count == 0 && analytic_count == 0; }
 };
 
@@ -44,6 +45,14 @@ struct InstanceRecord {
   int32_t group = 0;
   scene::Index instance = scene::kNone;  // of the description, or
   scene::Index shape = scene::kNone;     // the shape whose own space the group is
+};
+
+// A mesh that deforms: a group of its own.
+struct DeformingMesh {
+  scene::Index shape = 0;
+  int32_t first_vertex = 0;  // in the tables of all meshes
+  std::vector<scene::VertexKey> keys;
+  std::vector<int32_t> indices;  // 3 per triangle, counted from its own first vertex
 };
 
 struct Primitives {
@@ -56,6 +65,8 @@ struct Primitives {
   int32_t triangle_count = 0;
   size_t vertex_count = 0;
   std::vector<AttributeTable> attributes;  // by name
+  // Their positions and normals in the tables above are those of their first key.
+  std::vector<DeformingMesh> deforming;
 
   // ---- analytic shapes, kAnalyticStride floats each ----
   // sphere: center (3), radius, x axis (3) and z axis (3) of its surface coordinates (unit), and 1
@@ -77,7 +88,7 @@ struct Primitives {
 
   // ---- groups and instances ----
   PrimitiveRange world;  // what lies outside groups
-  // The description's groups, then one for each shape outside groups that moves.
+  // The description's groups, then one for each shape outside groups that moves or deforms.
   std::vector<PrimitiveRange> groups;
   std::vector<InstanceRecord> instances;   // the description's, then those of shapes that move
   std::vector<int32_t> instance_of_shape;  // of a shape that moves; else kNone

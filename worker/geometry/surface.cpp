@@ -10,6 +10,26 @@ struct TriangleVertices {
   Vec3 a, b, c;
 };
 
+struct VertexNormals {
+  Vec3 a, b, c;
+};
+
+// Takes the corners of meshes that deform from where they are at the time, and if there are any the
+// normals too.
+void deform(const Placements& placements, Int shape, Float time, Mask deforming,
+            TriangleVertices& t, VertexNormals* normals) {
+  const Int corner[3] = {t.i0, t.i1, t.i2};
+  const DeformedCorners now =
+      placements.deformations().at(shape, corner, time, normals != nullptr, deforming);
+  t.a = select(deforming, now.position[0], t.a);
+  t.b = select(deforming, now.position[1], t.b);
+  t.c = select(deforming, now.position[2], t.c);
+  if (normals == nullptr) return;
+  normals->a = select(deforming, now.normal[0], normals->a);
+  normals->b = select(deforming, now.normal[1], normals->b);
+  normals->c = select(deforming, now.normal[2], normals->c);
+}
+
 TriangleVertices vertices_of(const Primitives& p, Int triangle, Mask lanes) {
   const Int base = triangle * Int(3);
   TriangleVertices t;
@@ -29,12 +49,10 @@ Float offset_of(const TriangleVertices& t) {
 }
 
 // Interpolated vertex normals where the mesh has them, the face's elsewhere.
-Vec3 shading_normal_of(const Primitives& p, const TriangleVertices& t, const RayHits& hits,
-                       Mask smooth, const Vec3& face_normal) {
+Vec3 shading_normal_of(const VertexNormals& normals, const RayHits& hits, Mask smooth,
+                       const Vec3& face_normal) {
   if (none(smooth)) return face_normal;
-  const Vec3 n0 = gather3(p.normals.data(), t.i0, smooth);
-  const Vec3 n1 = gather3(p.normals.data(), t.i1, smooth);
-  const Vec3 n2 = gather3(p.normals.data(), t.i2, smooth);
+  const auto& [n0, n1, n2] = normals;
   const Vec3 n = n0 * (Float(1.F) - hits.u - hits.v) + n1 * hits.u + n2 * hits.v;
   const Float length2 = length_squared(n);
   // Opposite vertex normals can cancel; such a point is shaded flat.
@@ -94,17 +112,24 @@ void fill_derivatives(const TriangleVertices& t, const TriangleTexcoords& uv, co
   s.dp_dv = select(regular, s.dp_dv, frame.t);
 }
 
-void fill_triangles(const Primitives& p, const RayHits& hits, SurfaceNeeds needs, Mask lanes,
-                    Surface& s) {
-  const TriangleVertices t = vertices_of(p, hits.primitive, lanes);
-  const Vec3 face = normalize(cross(t.b - t.a, t.c - t.a));
+void fill_triangles(const Primitives& p, const Placements& placements, const RayHits& hits,
+                    SurfaceNeeds needs, Mask lanes, Surface& s) {
+  TriangleVertices t = vertices_of(p, hits.primitive, lanes);
   const Mask smooth = p.normals.empty()
                           ? no_lanes()
                           : lanes & equal(gather(p.has_normals.data(), s.shape, lanes), Int(1));
+  VertexNormals normals;
+  if (any(smooth)) {
+    normals = {gather3(p.normals.data(), t.i0, smooth), gather3(p.normals.data(), t.i1, smooth),
+               gather3(p.normals.data(), t.i2, smooth)};
+  }
+  const Mask deforming = placements.deformations().deforming(s.shape, lanes);
+  if (any(deforming)) deform(placements, s.shape, hits.time, deforming, t, &normals);
+  const Vec3 face = normalize(cross(t.b - t.a, t.c - t.a));
   const Float b0 = Float(1.F) - hits.u - hits.v;
   s.position = t.a * b0 + t.b * hits.u + t.c * hits.v;
   s.geometric_normal = face;
-  s.shading_normal = shading_normal_of(p, t, hits, smooth, face);
+  s.shading_normal = shading_normal_of(normals, hits, smooth, face);
   s.offset = offset_of(t);
   if (!needs.uv && !needs.tangents) return;
   const TriangleTexcoords uv = texcoords_of(p, t, s.shape, lanes);
@@ -148,7 +173,7 @@ Surface surface_at(const Primitives& p, const Placements& placements, const RayH
   const Mask instanced = placements.empty() ? no_lanes() : hits.hit & less(Int(-1), hits.instance);
   Carrier carrier;
   if (any(instanced)) carrier = placements.at(hits.instance, hits.time, instanced);
-  fill_triangles(p, hits, needs, triangles, s);
+  fill_triangles(p, placements, hits, needs, triangles, s);
   s.point.primitive = hits.primitive;
   s.point.b1 = hits.u;
   s.point.b2 = hits.v;
@@ -163,10 +188,18 @@ Surface surface_at(const Primitives& p, const Placements& placements, const RayH
   return s;
 }
 
-TrianglePoint point_on_triangle(const Primitives& p, Int triangle, Float b1, Float b2, Mask lanes) {
-  const TriangleVertices t = vertices_of(p, triangle, lanes);
-  return {t.a * (Float(1.F) - b1 - b2) + t.b * b1 + t.c * b2,
-          normalize(cross(t.b - t.a, t.c - t.a)), offset_of(t)};
+TrianglePoint point_on_triangle(const Primitives& p, const Placements& placements, Int triangle,
+                                Vec2 barycentric, Float time, Mask lanes, Float* area) {
+  TriangleVertices t = vertices_of(p, triangle, lanes);
+  if (!placements.deformations().empty()) {
+    const Int shape = gather(p.shape_of.data(), triangle, lanes);
+    const Mask deforming = placements.deformations().deforming(shape, lanes);
+    if (any(deforming)) deform(placements, shape, time, deforming, t, nullptr);
+  }
+  const auto [b1, b2] = barycentric;
+  const Vec3 across = cross(t.b - t.a, t.c - t.a);
+  if (area != nullptr) *area = Float(0.5F) * length(across);
+  return {t.a * (Float(1.F) - b1 - b2) + t.b * b1 + t.c * b2, normalize(across), offset_of(t)};
 }
 
 }  // namespace metrofarm::geometry

@@ -41,9 +41,11 @@ struct TrianglePoint {
   Vec3 normal;   // unit, before flip_normals: by the winding, or outwards
   Float offset;  // see Surface
 };
-// The point at barycentric coordinates (b1, b2) of a triangle.
-TrianglePoint point_on_triangle(const Primitives& primitives, Int triangle, Float b1, Float b2,
-                                Mask lanes);
+// The point at barycentric coordinates (b1, b2) of a triangle, at its shape's time; area, if given,
+// is that of the triangle then.
+TrianglePoint point_on_triangle(const Primitives& primitives, const Placements& placements,
+                                Int triangle, Vec2 barycentric, Float time, Mask lanes,
+                                Float* area = nullptr);
 // The point at surface coordinates (u, v) of a cylinder, uniform by area where they are uniform.
 TrianglePoint point_on_cylinder(const Primitives& primitives, Int primitive, Vec2 uv, Mask lanes);
 

@@ -163,7 +163,11 @@ struct Tracer::Impl {
   }
 
   void add_range(RTCScene to, const PrimitiveRange& range) {
-    if (range.triangle_count > 0) add_triangles(to, range);
+    if (range.deforming >= 0) {
+      add_deforming(to, static_cast<size_t>(range.deforming));
+    } else if (range.triangle_count > 0) {
+      add_triangles(to, range);
+    }
     if (range.analytic_count > 0) add_analytic(to, range);
   }
 
@@ -178,6 +182,23 @@ struct Tracer::Impl {
                                p.indices.data(),
                                kStride * static_cast<size_t>(range.first_triangle), kStride,
                                static_cast<size_t>(range.triangle_count));
+    attach(to, geometry, kTriangleGeometry);
+  }
+
+  void add_deforming(RTCScene to, size_t number) {
+    const Deformations& deformations = placements.deformations();
+    const DeformingMesh& mesh = primitives.deforming[number];
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    const int steps = deformations.step_count(number);
+    rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(steps));
+    for (int i = 0; i < steps; ++i) {
+      rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, static_cast<unsigned>(i),
+                                 RTC_FORMAT_FLOAT3, deformations.positions(number, i), 0,
+                                 3 * sizeof(float), mesh.keys[0].positions.size() / 3);
+    }
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               mesh.indices.data(), 0, 3 * sizeof(int32_t),
+                               mesh.indices.size() / 3);
     attach(to, geometry, kTriangleGeometry);
   }
 

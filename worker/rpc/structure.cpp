@@ -57,7 +57,11 @@ std::vector<motion::Interval> moving_spans(const SceneDescription& d) {
     for (const motion::Interval& span : motion::Track(motion).moving()) spans.push_back(span);
   };
   add(d.sensor.motion);
-  for (const auto& shape : d.shapes) add(shape.motion);
+  for (const auto& shape : d.shapes) {
+    add(shape.motion);
+    if (!shape.key_times.empty())
+      spans.push_back({shape.key_times.front(), shape.key_times.back()});
+  }
   for (const auto& instance : d.instances) add(instance.motion);
   for (const auto& emitter : d.emitters) add(emitter.motion);
   std::ranges::sort(spans, {}, &motion::Interval::begin);

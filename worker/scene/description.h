@@ -100,6 +100,12 @@ struct MeshAttribute {
   std::vector<float> values;  // channels per vertex or face
 };
 
+// Vertices of a mesh at a time of their own.
+struct VertexKey {
+  std::vector<float> positions;
+  std::vector<float> normals;  // as many, or none
+};
+
 // Indexed triangles in the space of their group, world space outside groups.
 struct TriangleMesh {
   std::vector<float> positions;   // 3 per vertex
@@ -107,6 +113,8 @@ struct TriangleMesh {
   std::vector<float> texcoords;   // 2 per vertex, or empty
   std::vector<uint32_t> indices;  // 3 per triangle, counter-clockwise seen from outside
   std::vector<MeshAttribute> attributes = {};
+  // Of a mesh that deforms, at its shape's key_times; positions and normals are the first's.
+  std::vector<VertexKey> keys = {};
 };
 
 struct Sphere {
@@ -164,6 +172,9 @@ struct Shape {
   Index group = kNone;  // the shape is part of this group and seen through its instances only
   // Of a shape outside groups: geometry is in the shape's own space, which moves.
   Motion motion = {};
+  // Of a mesh that deforms: growing, and it holds the first before, the last after. In between
+  // vertices go straight from key to key.
+  std::vector<double> key_times = {};
 };
 
 // One placement of a group (groups are numbered from 0 by their shapes).

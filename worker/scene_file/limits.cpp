@@ -78,6 +78,10 @@ Box box_of(const scene::Shape& shape) {
     for (size_t i = 0; i + 2 < mesh->positions.size(); i += 3) {
       box.add(Point{mesh->positions[i], mesh->positions[i + 1], mesh->positions[i + 2]});
     }
+    for (const scene::VertexKey& key : mesh->keys) {
+      for (size_t i = 0; i + 2 < key.positions.size(); i += 3)
+        box.add(Point{key.positions[i], key.positions[i + 1], key.positions[i + 2]});
+    }
   } else if (const auto* sphere = std::get_if<scene::Sphere>(&shape.geometry)) {
     for (double r : {-sphere->radius, sphere->radius}) {
       box.add(Point{sphere->center[0] + r, sphere->center[1] + r, sphere->center[2] + r});

@@ -109,6 +109,7 @@ std::optional<Error> MeshQueue::load(const FileAccess& files, std::vector<scene:
   std::atomic<size_t> next = 0;
   std::atomic<bool> failed = false;
   std::vector<std::optional<Error>> errors(requests_.size());
+  std::vector<scene::TriangleMesh> keys(requests_.size());
   const auto work = [&](bool reports) {
     // Whoever has taken a number works on it, so all requests before a failed one are tried.
     while (!failed) {
@@ -116,7 +117,9 @@ std::optional<Error> MeshQueue::load(const FileAccess& files, std::vector<scene:
       if (i >= requests_.size()) return;
       if (reports && progress) progress(i, requests_[i].name);
       Result<scene::TriangleMesh> mesh = load_mesh(i, files);
-      if (mesh) {
+      if (mesh && requests_[i].key) {
+        keys[i] = std::move(mesh.value());
+      } else if (mesh) {
         shapes[requests_[i].shape].geometry = std::move(mesh.value());
       } else {
         errors[i] = located(mesh.error(), requests_[i]);
@@ -133,7 +136,34 @@ std::optional<Error> MeshQueue::load(const FileAccess& files, std::vector<scene:
   for (std::thread& thread : others) thread.join();
   const auto first = std::find_if(errors.begin(), errors.end(),
                                   [](const auto& error) { return error.has_value(); });
-  return first == errors.end() ? std::nullopt : *first;
+  return first == errors.end() ? join_keys(keys, shapes) : *first;
+}
+
+// Makes one mesh of those of its keys.
+std::optional<Error> MeshQueue::join_keys(std::vector<scene::TriangleMesh>& meshes,
+                                          std::vector<scene::Shape>& shapes) const {
+  scene::TriangleMesh* whole = nullptr;
+  const MeshRequest* first = nullptr;
+  for (size_t i = 0; i < requests_.size(); ++i) {
+    const MeshRequest& request = requests_[i];
+    if (!request.key) continue;
+    scene::TriangleMesh& mesh = meshes[i];
+    if (*request.key == 0) {
+      first = &request;
+      whole = &shapes[request.shape].geometry.emplace<scene::TriangleMesh>(std::move(mesh));
+      whole->keys.push_back({whole->positions, whole->normals});
+      continue;
+    }
+    if (mesh.positions.size() != whole->positions.size() || mesh.indices != whole->indices ||
+        mesh.normals.size() != whole->normals.size()) {
+      return located(Error{"it has other vertices or faces than " + first->file.string() +
+                           ": the files of a mesh that deforms must agree in all but positions "
+                           "and normals"},
+                     request);
+    }
+    whole->keys.push_back({std::move(mesh.positions), std::move(mesh.normals)});
+  }
+  return std::nullopt;
 }
 
 }  // namespace metrofarm::scene_file

@@ -27,6 +27,8 @@ struct MeshRequest {
   int64_t shape_index = 0;  // serialized files only
   MeshOptions options = {};
   size_t shape = 0;      // index into the scene's shapes
+  // Of a mesh that deforms: the keys of one shape are requested one after the other, from 0 on.
+  std::optional<size_t> key = {};
   SourceLocation where;  // of the file's name
   std::string name;      // of the shape, for progress
 };
@@ -49,6 +51,8 @@ class MeshQueue {
   struct Source;  // a file, its content and who still needs it
 
   Result<scene::TriangleMesh> load_mesh(size_t request, const FileAccess& files) const;
+  std::optional<Error> join_keys(std::vector<scene::TriangleMesh>& meshes,
+                                 std::vector<scene::Shape>& shapes) const;
 
   std::vector<MeshRequest> requests_;
   std::vector<std::shared_ptr<Source>> sources_;  // of each request

@@ -23,6 +23,7 @@ constexpr Plugin<void (*)(Properties&, Shape&, Context&)> kShapes[] = {
     {"obj", load_obj},
     {"ply", load_ply},
     {"serialized", load_serialized},
+    {"deformable", load_deformable},
 };
 
 Index null_bsdf(Context& context) {

@@ -1,0 +1,107 @@
+#include "motion/pose_table.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/motion/motions.h"
+#include "tests/support/lane_tools.h"
+
+namespace metrofarm::motion {
+namespace {
+
+using namespace test;
+using metrofarm::test::lane_of;
+using metrofarm::test::UniformLanes;
+
+Matrix lane_matrix(const LanePose& pose, int lane) {
+  Matrix m = kIdentity;
+  for (int c = 0; c < 4; ++c) {
+    const auto v = lane_of(c < 3 ? pose.column[c] : pose.offset, lane);
+    m[c] = v.x;
+    m[4 + c] = v.y;
+    m[8 + c] = v.z;
+  }
+  return m;
+}
+
+struct Case {
+  const char* name;
+  scene::Motion motion;
+  Interval interval;
+  double tolerance;
+};
+
+std::vector<Case> cases() {
+  constexpr Point kY = {0, 1, 0};
+  std::vector<Case> all;
+  all.push_back({"Straight", {{{0, kIdentity}, {1, translated(3, -2, 1)}}}, {0.25, 0.75}, 1e-6});
+  all.push_back({"Turn", {{turn_key(0, kY, 0), turn_key(1, kY, 30)}}, {0, 1}, 1e-6});
+  all.push_back({"ThreeTurns", {{turn_key(0, kY, 0), turn_key(1, kY, 1080)}}, {0, 1}, 3e-6});
+  all.push_back({"ScaledAndMirrored",
+                 {{{0, multiply(turned({1, 2, 3}, 20), scaled(-1, 2, 1))},
+                   {1, multiply(turned({1, 2, 3}, 110), scaled(-2, 1, 1))}}},
+                 {0, 1},
+                 3e-5});
+  scene::Motion wavy{{}, scene::MotionPath::kCatmullRom};
+  for (int i = 0; i <= 8; ++i)
+    wavy.keys.push_back(turn_key(i * 0.125, kY, 20 * (i % 3), {std::sin(i * 1.0), 0, 0.1 * i}));
+  all.push_back({"ManyKeys", wavy, {0, 1}, 1e-4});
+  all.push_back({"KeyInsideTheShutter",
+                 {{turn_key(0, kY, 0), turn_key(0.3, kY, 50, {1, 0, 0}), turn_key(1, kY, 0)}},
+                 {0, 1},
+                 1e-4});
+  return all;
+}
+
+TEST(PoseTable, FollowsTheTrack) {
+  for (const Case& c : cases()) {
+    const Track track(c.motion);
+    PoseTable table(c.interval);
+    table.add(Track({{{0, kIdentity}, {1, translated(9, 9, 9)}}}), kIdentity, 1, 1);
+    const Matrix inner = multiply(translated(0.1, 0.2, 0), scaled(1, 1, 0.5));
+    const int32_t number = table.add(track, inner, 1, 1);
+    UniformLanes random(1);
+    for (int i = 0; i < 100; ++i) {
+      const Float time = i == 0 ? Float(0.F) : i == 1 ? Float(1.F) : random.next();
+      const LanePose pose = table.at(Int(number), time, all_lanes());
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const double at =
+            c.interval.begin + c.interval.length() * double(lane_value(time, lane));
+        EXPECT_LT(largest_difference(lane_matrix(pose, lane), multiply(track.at(at), inner)),
+                  c.tolerance)
+            << c.name << " at " << at;
+      }
+    }
+  }
+}
+
+TEST(PoseTable, FewStepsWhereFewWillDo) {
+  PoseTable table({0, 1});
+  table.add(Track({{{0, kIdentity}, {1, translated(1, 0, 0)}}}), kIdentity, 1, 1);
+  EXPECT_EQ(table.step_count(0), 2);
+  scene::Motion even;
+  for (int i = 0; i <= 31; ++i) even.keys.push_back({i / 31.0, translated(std::sin(i), 0, 0)});
+  table.add(Track(even), kIdentity, 1, 1);
+  EXPECT_LE(table.step_count(1), 129);
+}
+
+TEST(PoseTable, InverseUndoesAPose) {
+  PoseTable table({0, 1});
+  const Matrix from = multiply(turned({1, 2, 3}, 20), scaled(-1, 2, 1));
+  table.add(Track({{{0, from}, {1, multiply(turned({3, 2, 1}, 99), scaled(-2, 1, 1))}}}),
+            kIdentity, 1, 1);
+  UniformLanes random(5);
+  for (int i = 0; i < 50; ++i) {
+    const LanePose pose = table.at(Int(0), random.next(), all_lanes());
+    const LaneInverse inverse = inverse_of(pose);
+    const Vec3 v = random.direction(), n = random.direction();
+    const Vec3 again = inverse.vector(pose.vector(v));
+    const Float before = dot(n, v), after = dot(inverse.normal(n), pose.vector(v));
+    for (int lane = 0; lane < kLanes; ++lane) {
+      EXPECT_NEAR(length(lane_of(again - v, lane)), 0, 2e-6);
+      EXPECT_NEAR(lane_value(after, lane), lane_value(before, lane), 2e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace metrofarm::motion
