@@ -177,7 +177,7 @@ BAD_SHAPES = {
     "fewer-faces": (deformable("a.ply, fewer.ply", "0, 1"), "fewer.ply"),
     "missing-key": (deformable("a.ply, gone.ply", "0, 1"), "gone.ply"),
     "too-few-times": (deformable("a.ply, a.ply", "0"), "times"),
-    "times-fall": (deformable("a.ply, a.ply", "1, 0"), "times"),
+    "same-times-of-meshes": (deformable("a.ply, a.ply", "1, 1"), "time"),
     "no-keys": (animated(), "animation"),
     "same-times": (animated("0", "0"), "time"),
     "time-is-no-number": (animated("0", "soon"), "time"),
