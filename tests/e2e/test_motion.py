@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from conftest import MakeFarm
 
-from farm import SCENES, Farm, run
+from farm import SCENES, Farm, run, zip_folder
 
 MOTION = SCENES / "motion"
 CORNELL = SCENES / "cornell-box" / "scene.xml"
@@ -54,6 +54,21 @@ def test_same_film_with_1_and_2_workers(make_farm: MakeFarm) -> None:
         films[count] = [film_of(farm, MOTION / "car.xml", job) for job in JOBS.values()]
         farm.close()
     assert films[1] == films[2]
+
+
+def test_frames_of_a_sequence_are_jobs_with_their_shutters(farm: Farm) -> None:
+    """Frames 1 and 2 at 8 per second: the ball turns on; each is what a job alone makes of it."""
+    ball = MOTION / "ball.xml"
+    job = {**JOBS["path"], "stop": {"samples_per_pixel": 8}}
+    digest = farm.upload(zip_folder(MOTION)).json()["digest"]
+    frames = {"start": 1, "end": 2, "fps": 8, "shutter_angle": 90}
+    document = {"job": {"scene": digest, "entry": ball.name, **job}, "frames": frames}
+    sequence = farm.post("/v1/sequences", document).json()
+    films = [farm.wait(frame["job"])["film_sha256"] for frame in sequence["frames"]]
+    assert len(set(films)) == 2
+    for number, film in zip((1, 2), films, strict=True):
+        shutter = {"shutter_open": (number - 0.125) / 8, "shutter_close": (number + 0.125) / 8}
+        assert film_of(farm, ball, {**job, **shutter}) == film
 
 
 def render(folder: Path, scene: Path, integrator: str, *flags: str) -> dict[str, Any]:
