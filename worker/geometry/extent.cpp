@@ -69,8 +69,7 @@ void include_moving(Bounds& bounds, const Bounds& group, const Placements& place
     corner = std::hypot(corner, std::max(std::fabs(group.lower[k]), std::fabs(group.upper[k])));
   for (int s = 0; s < placements.step_count(i); ++s) {
     double stretch = 0;
-    for (float v : steps[s].scale) stretch += std::fabs(v);
-    for (float v : steps[s].skew) stretch += std::fabs(v);
+    for (int k = 0; k < 6; ++k) stretch += std::fabs(steps[s].form[k]);
     sagitta = std::max(sagitta,
                        stretch * corner * (1 - std::cos(double(steps[s].half_angle) / kPerStep)));
   }

@@ -44,6 +44,9 @@ class Placements {
   const motion::StepPose* steps(size_t instance) const {
     return poses_.steps(static_cast<size_t>(moving_[instance]));
   }
+  bool has_arcs(size_t instance) const {
+    return poses_.has_arcs(static_cast<size_t>(moving_[instance]));
+  }
   int step_count(size_t instance) const {
     return poses_.step_count(static_cast<size_t>(moving_[instance]));
   }

@@ -243,9 +243,15 @@ struct Tracer::Impl {
     const int steps = placements.step_count(instance);
     rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(steps));
     for (int i = 0; i < steps; ++i) {
-      const RTCQuaternionDecomposition step =
-          embree::quaternion_decomposition(placements.steps(instance)[i]);
-      rtcSetGeometryTransformQuaternion(geometry, static_cast<unsigned>(i), &step);
+      const motion::StepPose& pose = placements.steps(instance)[i];
+      if (placements.has_arcs(instance)) {
+        const RTCQuaternionDecomposition step = embree::quaternion_decomposition(pose);
+        rtcSetGeometryTransformQuaternion(geometry, static_cast<unsigned>(i), &step);
+      } else {
+        const std::array<float, 12> columns = embree::matrix_columns(pose);
+        rtcSetGeometryTransform(geometry, static_cast<unsigned>(i),
+                                RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns.data());
+      }
     }
   }
 

@@ -13,6 +13,7 @@ using scene::determinant;
 
 // A step in double precision: M = T R S.
 struct Step {
+  Matrix whole = {};  // M
   Linear upper = {};  // S
   Quaternion rotation = {0, 0, 0, 1};
   Point offset = {0, 0, 0};
@@ -49,6 +50,7 @@ Step take_apart(const Matrix& m) {
   step.rotation = to_quaternion(
       {q[0][0], q[1][0], q[2][0], q[0][1], q[1][1], q[2][1], q[0][2], q[1][2], q[2][2]});
   step.offset = {m[3], m[7], m[11]};
+  step.whole = m;
   return step;
 }
 
@@ -71,6 +73,12 @@ Matrix between(const Step& a, const Step& b, double t) {
   for (int i = 0; i < 9; ++i) s.upper[i] = (1 - t) * a.upper[i] + t * b.upper[i];
   for (int i = 0; i < 3; ++i) s.offset[i] = (1 - t) * a.offset[i] + t * b.offset[i];
   return affine(multiply(to_linear(s.rotation), s.upper), s.offset);
+}
+
+Matrix mixed(const Matrix& a, const Matrix& b, double t) {
+  Matrix m;
+  for (size_t i = 0; i < m.size(); ++i) m[i] = (1 - t) * a[i] + t * b[i];
+  return m;
 }
 
 // What a motion is made steps of.
@@ -100,13 +108,15 @@ class Sampled {
   }
 
   // Largest deviation of points within reach, in sizes of what is moved; gives up beyond `most`.
-  double deviation(const std::vector<Step>& steps, double most) const {
+  double deviation(const std::vector<Step>& steps, bool arcs, double most) const {
     const auto segments = static_cast<int>(steps.size()) - 1;
     double worst = 0;
     for (int i = 0; i < segments && worst < most; ++i) {
       for (double t : {0.25, 0.5, 0.75}) {
         const Matrix exact = at((i + t) / segments);
-        worst = std::max(worst, distance(exact, between(steps[i], steps[i + 1], t)) / size_);
+        const Matrix found = arcs ? between(steps[i], steps[i + 1], t)
+                                  : mixed(steps[i].whole, steps[i + 1].whole, t);
+        worst = std::max(worst, distance(exact, found) / size_);
       }
     }
     return worst;
@@ -131,14 +141,17 @@ class Sampled {
 };
 
 // Few enough to try them all, with as many divisors as there is room for: keys at equal distances
-// then lie on steps.
-constexpr int kSegments[] = {1,  2,  3,  4,  5,  6,  7,  8,   9,   10,  11,  12, 13,
-                             14, 15, 16, 18, 20, 24, 28, 30,  32,  36,  40,  48, 56,
-                             60, 64, 72, 80, 84, 90, 96, 100, 108, 112, 120, 128};
+// then lie on steps. Embree has 129 steps at most.
+constexpr int kSegments[] = {1,  2,  3,  4,  5,  6,  7,   8,   9,   10,  11,  12,  13,  14, 15,
+                             16, 17, 18, 19, 20, 21, 22,  23,  24,  25,  26,  27,  28,  29, 30,
+                             31, 32, 35, 36, 40, 42, 45,  48,  50,  54,  56,  60,  63,  64, 70,
+                             72, 80, 84, 90, 96, 99, 100, 108, 112, 120, 125, 126, 127, 128};
 
-// Embree interpolates faster than accurately where a step turns by much.
+// Rays meet linear matrices in less time, up to about this many.
+constexpr int kMostStraight = 32;
+// Embree goes along arcs faster than accurately where a step turns by much.
 constexpr double kLargestHalfAngle = 0.06;  // 7 degrees
-constexpr double kTolerance = 1e-5;
+constexpr double kTolerance = 1e-4;
 
 double largest_half_angle(const std::vector<Step>& steps) {
   double largest = 0;
@@ -147,33 +160,45 @@ double largest_half_angle(const std::vector<Step>& steps) {
   return largest;
 }
 
-// The fewest steps that follow the track, or those that follow it best.
-std::vector<Step> fewest_steps(const Sampled& motion) {
+struct Steps {
+  std::vector<Step> steps;
+  bool arcs = false;
+};
+
+// The fewest steps that follow the motion, or those that follow it best.
+Steps fewest_steps(const Sampled& motion) {
+  for (int segments : kSegments) {
+    if (segments > kMostStraight) break;
+    std::vector<Step> steps = motion.steps(segments);
+    if (motion.deviation(steps, false, kTolerance) <= kTolerance) return {std::move(steps), false};
+  }
   std::vector<Step> best;
   double least = std::numeric_limits<double>::infinity();
   for (int segments : kSegments) {
     std::vector<Step> steps = motion.steps(segments);
-    const double deviation = motion.deviation(steps, least);
-    if (deviation >= least && !(deviation <= kTolerance)) continue;
-    least = deviation;
+    const double deviation = motion.deviation(steps, true, std::max(least, kTolerance));
+    if (deviation >= least && deviation > kTolerance) continue;
+    least = std::min(least, deviation);
     const bool smooth = largest_half_angle(steps) <= kLargestHalfAngle;
     best = std::move(steps);
     if (deviation <= kTolerance && smooth) break;
   }
-  return best;
+  return {std::move(best), true};
 }
 
-StepPose rounded(const Step& s, const Step& next) {
+StepPose rounded(const Step& s, const Step& next, bool arcs) {
   StepPose p{};
   const auto set = [](float& to, double value) { to = static_cast<float>(value); };
-  for (int k = 0; k < 3; ++k) {
-    set(p.scale[k], s.upper[4 * k]);
-    set(p.offset[k], s.offset[k]);
+  for (int k = 0; k < 3; ++k) set(p.offset[k], s.offset[k]);
+  if (!arcs) {
+    for (int k = 0; k < 9; ++k) set(p.form[k], s.whole[4 * (k % 3) + k / 3]);
+    return p;
   }
-  set(p.skew[0], s.upper[1]);
-  set(p.skew[1], s.upper[2]);
-  set(p.skew[2], s.upper[5]);
-  for (int k = 0; k < 4; ++k) set(p.rotation[k], s.rotation[k]);
+  for (int k = 0; k < 3; ++k) set(p.form[k], s.upper[4 * k]);
+  set(p.form[3], s.upper[1]);
+  set(p.form[4], s.upper[2]);
+  set(p.form[5], s.upper[5]);
+  for (int k = 0; k < 4; ++k) set(p.form[6 + k], s.rotation[k]);
   const double angle = half_angle_between(s.rotation, next.rotation);
   if (angle > 1e-6) {
     set(p.half_angle, angle);
@@ -190,16 +215,55 @@ Float sine(Float x) {
   return sum * x;
 }
 
+// A row and the next, and how far lanes are from the one to the other.
+struct RowPair {
+  const float* table;
+  Int base;
+  Float s, t;  // 1 - t
+  Mask lanes;
+
+  Float here(int k) const { return gather(table + k, base, lanes); }
+  Float next(int k) const { return gather(table + kStepStride + k, base, lanes); }
+  Float mixed(int k) const { return here(k) * s + next(k) * t; }
+  Vec3 mixed3(int k) const { return {mixed(k), mixed(k + 1), mixed(k + 2)}; }
+};
+
+constexpr int kOffset = 10, kHalfAngle = 13, kPerSine = 14;  // columns of a row
+
+void set_linear(const RowPair& row, LanePose& pose) {
+  for (int k = 0; k < 3; ++k) pose.column[k] = row.mixed3(3 * k);
+}
+
+void set_turned(const RowPair& row, LanePose& pose) {
+  const Float per_sine = row.here(kPerSine), angle = row.here(kHalfAngle);
+  const Mask turns = per_sine != Float(0.F);
+  const Float ws = select(turns, sine(row.s * angle) * per_sine, row.s);
+  const Float wt = select(turns, sine(row.t * angle) * per_sine, row.t);
+  const auto turned = [&](int k) { return row.here(k) * ws + row.next(k) * wt; };
+  const Float x = turned(6), y = turned(7), z = turned(8), w = turned(9);
+  const Float two = Float(2.F) / (x * x + y * y + z * z + w * w);
+  const Float one(1.F);
+  const Vec3 r0 = {one - two * (y * y + z * z), two * (x * y + w * z), two * (x * z - w * y)};
+  const Vec3 r1 = {two * (x * y - w * z), one - two * (x * x + z * z), two * (y * z + w * x)};
+  const Vec3 r2 = {two * (x * z + w * y), two * (y * z - w * x), one - two * (x * x + y * y)};
+  pose.column[0] = r0 * row.mixed(0);
+  pose.column[1] = r0 * row.mixed(3) + r1 * row.mixed(1);
+  pose.column[2] = r0 * row.mixed(4) + r1 * row.mixed(5) + r2 * row.mixed(2);
+}
+
 }  // namespace
 
 int32_t PoseTable::add(const Track& track, const Matrix& inner, double reach, double size) {
   const Sampled motion(track, inner, interval_, reach, size);
-  const std::vector<Step> steps = fewest_steps(motion);
+  const auto [steps, arcs] = fewest_steps(motion);
   const auto number = static_cast<int32_t>(count());
   first_.push_back(static_cast<int32_t>(rows_.size()));
   for (size_t i = 0; i < steps.size(); ++i)
-    rows_.push_back(rounded(steps[i], steps[std::min(i + 1, steps.size() - 1)]));
+    rows_.push_back(rounded(steps[i], steps[std::min(i + 1, steps.size() - 1)], arcs));
   last_.push_back(static_cast<int32_t>(rows_.size()) - 1);
+  arcs_.push_back(arcs ? 1 : 0);
+  any_arcs_ = any_arcs_ || arcs;
+  any_straight_ = any_straight_ || !arcs;
   return number;
 }
 
@@ -208,27 +272,23 @@ LanePose PoseTable::at(Int number, Float time, Mask lanes) const {
   const Int segments = gather(last_.data(), number, lanes) - first;
   const Float place = time * to_float(segments);
   const Int segment = xsimd::min(truncate(place), segments - Int(1));
-  const Float t = place - to_float(segment), s = Float(1.F) - t;
-  const Int base = (first + segment) * Int(kStepStride);
-  const auto* table = reinterpret_cast<const float*>(rows_.data());
-  const auto here = [&](int k) { return gather(table + k, base, lanes); };
-  const auto next = [&](int k) { return gather(table + kStepStride + k, base, lanes); };
-  const auto mixed = [&](int k) { return here(k) * s + next(k) * t; };
-  const Float per_sine = here(14);
-  const Mask turns = per_sine != Float(0.F);
-  const Float angle = here(13);
-  const Float ws = select(turns, sine(s * angle) * per_sine, s);
-  const Float wt = select(turns, sine(t * angle) * per_sine, t);
-  const auto turned = [&](int k) { return here(k) * ws + next(k) * wt; };
-  const Float x = turned(6), y = turned(7), z = turned(8), w = turned(9);
-  const Float two = Float(2.F) / (x * x + y * y + z * z + w * w);
-  const Float one(1.F);
-  const Vec3 r0 = {one - two * (y * y + z * z), two * (x * y + w * z), two * (x * z - w * y)};
-  const Vec3 r1 = {two * (x * y - w * z), one - two * (x * x + z * z), two * (y * z + w * x)};
-  const Vec3 r2 = {two * (x * z + w * y), two * (y * z - w * x), one - two * (x * x + y * y)};
-  return {
-      {r0 * mixed(0), r0 * mixed(3) + r1 * mixed(1), r0 * mixed(4) + r1 * mixed(5) + r2 * mixed(2)},
-      {mixed(10), mixed(11), mixed(12)}};
+  const Float t = place - to_float(segment);
+  const RowPair row = {reinterpret_cast<const float*>(rows_.data()),
+                       (first + segment) * Int(kStepStride), Float(1.F) - t, t, lanes};
+  LanePose pose;
+  pose.offset = row.mixed3(kOffset);
+  if (!any_arcs_) {
+    set_linear(row, pose);
+  } else if (!any_straight_) {
+    set_turned(row, pose);
+  } else {
+    const Mask arcs = equal(gather(arcs_.data(), number, lanes), Int(1));
+    LanePose turned;
+    set_linear(row, pose);
+    set_turned(row, turned);
+    for (int k = 0; k < 3; ++k) pose.column[k] = select(arcs, turned.column[k], pose.column[k]);
+  }
+  return pose;
 }
 
 LaneInverse inverse_of(const LanePose& pose) {

@@ -1,9 +1,10 @@
 // Poses of what moves while a shutter is open, for eight lanes at times of their own.
 //
-// Each motion is kept as poses at equal distances in time, from the interval's begin to its end,
-// in the form in which Embree takes them: T R S, R a quaternion and S upper triangular. What lies
-// between two of them is defined as Embree has it, T and S linear and R along the arc, so that
-// shading finds surfaces where rays have met them.
+// Each motion is kept as poses at equal distances in time, from the interval's begin to its end, in
+// one of two forms that Embree takes too: matrices, linear in between, where few of them follow the
+// motion; else T R S with a quaternion R and an upper triangular S, where R goes along the arc and
+// the rest is linear. Between steps a pose is defined as Embree has it, so that shading finds
+// surfaces where rays have met them.
 #pragma once
 
 #include <cstdint>
@@ -35,11 +36,11 @@ LaneInverse inverse_of(const LanePose& pose);
 
 // A pose as the table has it.
 struct StepPose {
-  float scale[3];
-  float skew[3];      // of y on x, z on x, z on y
-  float rotation[4];  // x y z w
+  // Of straight motions: the columns of the linear part. Of those with arcs: three scales, the
+  // skews of y on x, z on x, z on y, and the quaternion x y z w.
+  float form[10];
   float offset[3];
-  float half_angle;  // of the rotation to the next step, radians
+  float half_angle;  // of the rotation to the next step, radians; 0 of straight motions
   float per_sine;    // 1 / sin of it, 0 where there is no rotation
   float unused;
 };
@@ -59,18 +60,21 @@ class PoseTable {
   const Interval& interval() const { return interval_; }
   // time: in [0, 1], from the interval's begin to its end. Requires: number < count() in lanes.
   LanePose at(Int number, Float time, Mask lanes) const;
+  bool has_arcs(size_t number) const { return arcs_[number] != 0; }
   const StepPose* steps(size_t number) const { return &rows_[static_cast<size_t>(first_[number])]; }
   int step_count(size_t number) const { return last_[number] - first_[number] + 1; }
 
   uint64_t bytes() const {
     return rows_.capacity() * sizeof(StepPose) +
-           (first_.capacity() + last_.capacity()) * sizeof(int32_t);
+           (first_.capacity() + last_.capacity() + arcs_.capacity()) * sizeof(int32_t);
   }
 
  private:
   Interval interval_;
   std::vector<StepPose> rows_;
   std::vector<int32_t> first_, last_;  // rows of each motion
+  std::vector<int32_t> arcs_;          // 1 of motions with arcs
+  bool any_arcs_ = false, any_straight_ = false;
 };
 
 }  // namespace metrofarm::motion

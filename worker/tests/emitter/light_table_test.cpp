@@ -53,9 +53,8 @@ class LightTableTest : public testing::TestWithParam<test::LightCase> {
 
 LightTableTest::Seen LightTableTest::look(const Vec3& direction) const {
   const geometry::RayHits hits = tracer_.intersect(all_lanes(), reference_, direction);
-  const geometry::Surface surface =
-      geometry::surface_at(primitives_, all_.placements, hits, reference_, direction,
-                           {.uv = lights_.wants_uv()});
+  const geometry::Surface surface = geometry::surface_at(
+      primitives_, all_.placements, hits, reference_, direction, {.uv = lights_.wants_uv()});
   Seen seen;
   seen.cosine = select(hits.hit, xsimd::abs(dot(surface.geometric_normal, direction)), Float(0.F));
   seen.radiance = lights_.emitted(surface, direction, hits.hit);

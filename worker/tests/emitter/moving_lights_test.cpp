@@ -64,9 +64,8 @@ scene::SceneDescription lamp(test::SceneBuilder b, const scene::Motion& motion) 
 }
 
 std::vector<Case> rigid_cases() {
-  const scene::Motion motion =
-      motion_of(translated(1, 0, 0),
-                motion::multiply(translated(-1, 2, 0), turned({1, 1, 0}, 100)));
+  const scene::Motion motion = motion_of(
+      translated(1, 0, 0), motion::multiply(translated(-1, 2, 0), turned({1, 1, 0}, 100)));
   std::vector<Case> all;
   test::SceneBuilder quad;
   quad.shape(test::quad({-1, -0.5, 0}, {2, 0, 0}, {0, 1, 0}), quad.diffuse(0), quad.area_light(3));
@@ -101,8 +100,7 @@ TEST(MovingLights, FluxIsConserved) {
       for (int i = 0; i < kSamples; i += kLanes) {
         const Float choice = random.next();
         const Vec2 position = random.pair(), direction = random.pair();
-        const Emission e =
-            lights.table.emit(choice, position, direction, Float(time), all_lanes());
+        const Emission e = lights.table.emit(choice, position, direction, Float(time), all_lanes());
         for (int lane = 0; lane < kLanes; ++lane)
           power.add(test::lane_set(e.valid, lane) ? lane_value(e.power.y, lane) : 0.0);
       }
@@ -125,8 +123,7 @@ TEST(MovingLights, EmittedPowerFollowsTheArea) {
                  [](double t) { return (1 + 2 * t) * (1 + t); }});
   test::SceneBuilder bent;
   scene::TriangleMesh mesh = test::quad({0, 0, 0}, {1, 0, 0}, {0, 1, 0});
-  mesh.keys = {{mesh.positions, {}},
-               {test::quad({0, 0, 0}, {2, 0, 0}, {0, 3, 0}).positions, {}}};
+  mesh.keys = {{mesh.positions, {}}, {test::quad({0, 0, 0}, {2, 0, 0}, {0, 3, 0}).positions, {}}};
   bent.shape(mesh, bent.diffuse(0), bent.area_light(1));
   bent.description().shapes[0].key_times = {0, 1};
   all.push_back({bent.take(), [](double t) { return (1 + t) * (1 + 2 * t); }});
@@ -151,16 +148,15 @@ std::vector<scene::SceneDescription> area_lights() {
   std::vector<scene::SceneDescription> all;
   for (const Case& c : rigid_cases())
     if (!c.scene.shapes.empty()) all.push_back(c.scene);
-  const scene::Motion squeezed = motion_of(
-      scaled(1, 1, 1), motion::multiply(turned({0, 1, 1}, 60), scaled(2, 0.5, 1)));
+  const scene::Motion squeezed =
+      motion_of(scaled(1, 1, 1), motion::multiply(turned({0, 1, 1}, 60), scaled(2, 0.5, 1)));
   for (size_t i = 0; i < 3; ++i) {
     all.push_back(all[i]);
     all.back().shapes[0].motion = squeezed;
   }
   test::SceneBuilder bent;
   scene::TriangleMesh mesh = test::quad({0, 0, 0}, {1, 0, 0}, {0, 1, 0});
-  mesh.keys = {{mesh.positions, {}},
-               {test::quad({0, 0, 1}, {2, 0, 0}, {1, 3, 1}).positions, {}}};
+  mesh.keys = {{mesh.positions, {}}, {test::quad({0, 0, 1}, {2, 0, 0}, {1, 3, 1}).positions, {}}};
   bent.shape(mesh, bent.diffuse(0), bent.area_light(1));
   bent.description().shapes[0].key_times = {0, 1};
   all.push_back(bent.take());
@@ -198,7 +194,8 @@ TEST(MovingLights, SamplesAreWhatRaysMeet) {
   }
 }
 
-// Lights without extent against the same lights where they stand.
+// Lights without extent against the same lights where they stand. Steps follow a motion to a
+// ten-thousandth of the scene's size, which is 10.
 TEST(MovingLights, DeltaLightsStandWhereTheyAreAtTheTime) {
   const scene::Motion motion = motion_of(
       translated(1, 0, 0), motion::multiply(translated(-1, 2, 0), turned({1, 1, 0}, 100)));
@@ -236,8 +233,9 @@ TEST(MovingLights, DeltaLightsStandWhereTheyAreAtTheTime) {
             there.table.emit(Float(0.5F), position, direction, Float(0.F), all_lanes());
         for (int lane = 0; lane < kLanes; ++lane) {
           if (test::lane_set(a.valid & b.valid, lane)) {
-            EXPECT_NEAR(lane_value(a.value.y, lane), lane_value(b.value.y, lane), 2e-3);
-            EXPECT_NEAR(test::length(test::lane_of(a.direction - b.direction, lane)), 0, 1e-4);
+            EXPECT_NEAR(lane_value(a.value.y, lane), lane_value(b.value.y, lane),
+                        2e-3 + 5e-3 * lane_value(b.value.y, lane));
+            EXPECT_NEAR(test::length(test::lane_of(a.direction - b.direction, lane)), 0, 2e-3);
           }
           EXPECT_NEAR(lane_value(e.pdf / f.pdf, lane), 1, 1e-3);
           EXPECT_NEAR(test::length(test::lane_of(e.direction - f.direction, lane)), 0, 1e-3);

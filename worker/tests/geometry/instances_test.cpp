@@ -123,8 +123,10 @@ TEST_P(InstanceTest, HitsAreThoseOfTheTransformedMesh) {
     const RayHits b = plain.tracer.intersect(all_lanes(), origin, direction);
     const Mask occluded = instanced.tracer.occluded(all_lanes(), origin, direction, Float(1e30F));
     EXPECT_EQ(bits(occluded), bits(a.hit));
-    const Surface sa = surface_at(instanced.primitives, instanced.placements, a, origin, direction, {true, true});
-    const Surface sb = surface_at(plain.primitives, plain.placements, b, origin, direction, {true, true});
+    const Surface sa =
+        surface_at(instanced.primitives, instanced.placements, a, origin, direction, {true, true});
+    const Surface sb =
+        surface_at(plain.primitives, plain.placements, b, origin, direction, {true, true});
     for (int lane = 0; lane < kLanes; ++lane) {
       // Rays along edges and grazing ones may be decided by rounding.
       if (!test::lane_set(a.hit & b.hit, lane)) continue;
@@ -168,7 +170,8 @@ TEST_P(InstanceTest, SurfacesAreNotMetAgain) {
         const Vec3 origin = center + random.direction() * Float(5.F);
         const Vec3 direction = normalize(center + random.direction() * Float(0.4F) - origin);
         const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-        const Surface s = surface_at(world.primitives, world.placements, hits, origin, direction, {});
+        const Surface s =
+            surface_at(world.primitives, world.placements, hits, origin, direction, {});
         const Vec3 out = random.direction();
         const Vec3 start = offset_origin(s.position, s.geometric_normal, s.offset, out);
         EXPECT_TRUE(none(world.tracer.intersect(hits.hit, start, out).hit)) << far;
@@ -287,7 +290,7 @@ TEST(TracerMemory, TreesBeyondTheLimitAreRefused) {
     EXPECT_THROW(Tracer(world.primitives, world.placements, "avx2", bytes / 4), std::bad_alloc);
     EXPECT_THROW(Tracer(world.primitives, world.placements, "avx2", 0), std::bad_alloc);
     // While it is built a tree needs more than it keeps.
-    const Tracer fits(world.primitives, "avx2", 8 * bytes);
+    const Tracer fits(world.primitives, world.placements, "avx2", 8 * bytes);
     EXPECT_EQ(fits.bytes(), bytes);
   }
 }

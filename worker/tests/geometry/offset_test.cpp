@@ -71,8 +71,7 @@ TEST_P(OffsetTest, FlatShapesAreNotMetAgain) {
     const World world(b);
     for (int i = 0; i < 20; ++i) {
       const Vec3 origin = at(random.direction() * Float(5.F));
-      expect_no_return(world, origin, at(random.direction() * Float(0.5F)),
-                       random, tried);
+      expect_no_return(world, origin, at(random.direction() * Float(0.5F)), random, tried);
     }
   }
   EXPECT_GT(tried, 1000);
@@ -114,7 +113,8 @@ TEST_P(OffsetTest, CylindersAreMetAgainOnlyAcross) {
     const Vec3 origin = at(random.direction() * Float(4.F));
     const Vec3 direction = normalize(at(random.direction() * Float(0.7F)) - origin);
     const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
-    const Surface surface = surface_at(world.primitives, world.placements, hits, origin, direction, {});
+    const Surface surface =
+        surface_at(world.primitives, world.placements, hits, origin, direction, {});
     const Vec3 out = random.direction();
     const Float cosine = dot(out, surface.geometric_normal);
     const Vec3 start =
@@ -136,7 +136,8 @@ TEST_P(OffsetTest, OffsetsAreSmall) {
   const Vec3 origin = at(splat(0, 0, 5));
   const RayHits hits = world.tracer.intersect(all_lanes(), origin, splat(0, 0, -1));
   ASSERT_TRUE(all(hits.hit));
-  const Surface s = surface_at(world.primitives, world.placements, hits, origin, splat(0, 0, -1), {});
+  const Surface s =
+      surface_at(world.primitives, world.placements, hits, origin, splat(0, 0, -1), {});
   EXPECT_LT(lane_value(s.offset, 0), GetParam().scale * (1 + GetParam().center) * 1e-4);
   EXPECT_GT(lane_value(s.offset, 0), 0);
 }

@@ -144,7 +144,8 @@ TEST(Parameters, AreTheSameForMixedLanes) {
   const Vec3 direction = normalize(splat(0, -0.03F, -1));
   const RayHits hits = world.tracer.intersect(all_lanes(), origin, direction);
   EXPECT_EQ(bits(hits.hit), 0x7fU);
-  const Surface mixed = surface_at(world.primitives, world.placements, hits, origin, direction, {true, true});
+  const Surface mixed =
+      surface_at(world.primitives, world.placements, hits, origin, direction, {true, true});
   for (int lane = 0; lane < 7; ++lane) {
     const Surface s = world.look(lane_of(origin, lane), {0, -0.03, -1});
     expect_near(lane_of(mixed.position, lane), lane_of(s.position, 0), 1e-5);

@@ -140,8 +140,8 @@ TEST(Surface, PointOnTriangleIsTheHitAtItsBarycentrics) {
   test::SceneBuilder b;
   b.shape(smooth_triangle(), b.diffuse(0.5F));
   const World world(b);
-  const TrianglePoint p =
-      point_on_triangle(world.primitives, Int(0), Float(0.25F), Float(0.5F), all_lanes());
+  const TrianglePoint p = point_on_triangle(world.primitives, world.placements, Int(0),
+                                            {Float(0.25F), Float(0.5F)}, Float(0.F), all_lanes());
   expect_near(lane_of(p.position, 0), {0.25, 0.5, 0}, 1e-7);
   expect_near(lane_of(p.normal, 0), {0, 0, 1}, 1e-7);
 }

@@ -26,8 +26,8 @@ TEST(Track, IsExactAtKeysAndHoldsOutside) {
   EXPECT_LT(largest_difference(track.at(0.5 + 1e-9), track.at(0.5)), 1e-8);
 }
 
-// A ball that spins: the right angle at every time, however often it goes round, no shrinking and no
-// seam.
+// A ball that spins: the right angle at every time, however often it goes round, no shrinking and
+// no seam.
 TEST(Track, TurnsTheWholeWay) {
   for (double degrees : {90.0, 180.0, 270.0, 360.0, 540.0, 720.0, 1890.0, -900.0}) {
     const Track track({{turn_key(0, kY, 0), turn_key(1, kY, degrees)}});
@@ -85,9 +85,8 @@ TEST(Track, StretchAndPathAreLinear) {
         {{{0, multiply(turned({1, 2, 3}, 170), s)},
           {1, multiply(translated(4, 0, -8),
                        multiply(turned({1, 2, 3}, 270), multiply(s, scaled(3, 3, 3))))}}});
-    const Matrix expected =
-        multiply(translated(1, 0, -2),
-                 multiply(turned({1, 2, 3}, 195), multiply(s, scaled(1.5, 1.5, 1.5))));
+    const Matrix expected = multiply(
+        translated(1, 0, -2), multiply(turned({1, 2, 3}, 195), multiply(s, scaled(1.5, 1.5, 1.5))));
     EXPECT_LT(largest_difference(track.at(0.25), expected), 1e-12);
   }
 }

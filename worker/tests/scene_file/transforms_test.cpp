@@ -110,11 +110,12 @@ TEST(Animation, MovesLightsButNotEnvironments) {
     const auto scene = load_valid("<emitter type=\"" + std::string(type) + "\">" + keys);
     EXPECT_EQ(scene.emitters.at(0).motion.keys.size(), 2U) << type;
   }
-  EXPECT_EQ(error_of("<shape type=\"shapegroup\" id=\"g\"><shape type=\"disk\">\n"
-                     "<animation name=\"to_world\"><transform time=\"0\"/><transform time=\"1\"/>"
-                     "</animation></shape></shape><shape type=\"instance\"><ref id=\"g\"/></shape>"),
-            "scene.xml:3: parameter \"to_world\" of shape \"disk\" cannot be an <animation>: this "
-            "does not move by itself");
+  EXPECT_EQ(
+      error_of("<shape type=\"shapegroup\" id=\"g\"><shape type=\"disk\">\n"
+               "<animation name=\"to_world\"><transform time=\"0\"/><transform time=\"1\"/>"
+               "</animation></shape></shape><shape type=\"instance\"><ref id=\"g\"/></shape>"),
+      "scene.xml:3: parameter \"to_world\" of shape \"disk\" cannot be an <animation>: this "
+      "does not move by itself");
 }
 
 TEST(Animation, Errors) {

@@ -19,7 +19,7 @@ ShutterSettings box(double open, double close) {
 struct Curve {
   const char* name;
   ShutterSettings settings;
-  double integral;                  // of the efficiency, seconds
+  double integral;  // of the efficiency, seconds
   double (*efficiency)(double share);
 };
 
@@ -39,7 +39,9 @@ std::vector<Curve> curves() {
   return {
       {"Box", box(1, 3), 2, [](double) { return 1.0; }},
       {"Trapezoid", trapezoid, 2 * (0.1 + 0.3 + 0.25),
-       [](double s) { return s < 0.2 ? s / 0.2 : s < 0.5 ? 1 : (1 - s) / 0.5; }},
+       [](double s) { return s < 0.2   ? s / 0.2
+                             : s < 0.5 ? 1
+                                       : (1 - s) / 0.5; }},
       {"Triangle", triangle, 1, [](double s) { return s < 0.5 ? 2 * s : 2 - 2 * s; }},
       {"Falling", falling, 1, [](double s) { return 1 - s; }},
       {"Table", table, 2 * (0.125 + 0 + 0.5 + 1),
@@ -94,9 +96,7 @@ TEST(Shutter, RowsOfARollingShutterComeOneAfterTheOther) {
   s.rolling = 6;
   const Shutter shutter(s, kRows);
   EXPECT_EQ(shutter.interval(), (motion::Interval{1, 9}));
-  const auto at = [&](float u, float y) {
-    return lanes_of(shutter.time(Float(u), Float(y)))[0];
-  };
+  const auto at = [&](float u, float y) { return lanes_of(shutter.time(Float(u), Float(y)))[0]; };
   EXPECT_NEAR(at(0.5F, 0.5F), 1.0 / 8, 1e-6);   // the first row, opens at 1
   EXPECT_NEAR(at(0.5F, 39.5F), 7.0 / 8, 1e-6);  // the last row
   EXPECT_NEAR(at(0, 20), 3.0 / 8, 1e-6);

@@ -51,9 +51,9 @@ std::vector<test::Moments> trace(const scene::SceneDescription& d,
     estimator = std::make_unique<BidirectionalTracer>(
         scene, camera, BidirectionalSettings{.max_depth = 4}, raster);
   } else {
-    estimator = std::make_unique<MultiplexedTracer>(scene, camera,
-                                                    BidirectionalSettings{.max_depth = 4}, raster,
-                                                    std::vector<double>{1, 1, 1, 1});
+    estimator =
+        std::make_unique<MultiplexedTracer>(scene, camera, BidirectionalSettings{.max_depth = 4},
+                                            raster, std::vector<double>{1, 1, 1, 1});
   }
   IndependentSource source(rng_key(5, RngDomain::kTest));
   std::vector<test::Moments> tiles(kGrid * kGrid);
@@ -81,8 +81,8 @@ void expect_same(const std::vector<test::Moments>& a, const std::vector<test::Mo
                  double factor = 1) {
   for (size_t t = 0; t < a.size(); ++t) {
     const double difference = a[t].mean() - b[t].mean() * factor;
-    const double error =
-        std::hypot(a[t].standard_error(), factor * b[t].standard_error());
+    const double error = std::hypot(a[t].standard_error(), factor * b[t].standard_error());
+    if (difference == 0) continue;  // both black
     EXPECT_GT(test::normal_p(difference / error), test::sidak(1e-6, 16))
         << t << ": " << a[t].mean() << " against " << factor * b[t].mean();
   }
@@ -136,18 +136,19 @@ TEST(Shutter, ExposesAsACameraDoes) {
 TEST(Shutter, RollingRowsAgree) {
   const scene::SceneDescription d = scene_in_motion();
   for (double rolling : {0.6, -0.6}) {
-    sensor::ShutterSettings s =
-        rolling > 0 ? open_from(0, 0.4) : open_from(0.6, 1);
+    sensor::ShutterSettings s = rolling > 0 ? open_from(0, 0.4) : open_from(0.6, 1);
     s.rolling = rolling;
     const auto path = trace(d, s, With::kPath, kPaths);
     expect_same(path, trace(d, s, With::kBidirectional, kPaths));
     expect_same(path, trace(d, s, With::kMultiplexed, 4 * kPaths));
-    // The middle of the first row sees the first 0.4 of the time only, the last row the last.
+    // The first row sees one end of the time only, the last row the other.
     const auto all = trace(d, open_from(0, 1), With::kPath, kPaths);
     double apart = 0;
-    for (size_t t = 0; t < all.size(); ++t)
+    for (size_t t = 0; t < all.size(); ++t) {
+      if (all[t].mean() == 0) continue;
       apart = std::max(apart, std::fabs(all[t].mean() - path[t].mean()) /
                                   std::hypot(all[t].standard_error(), path[t].standard_error()));
+    }
     EXPECT_GT(apart, 8);
   }
 }
@@ -159,9 +160,9 @@ TEST(Shutter, TimeIsDrawnOnlyWhereSomethingMoves) {
     bool moves;
     bool time;
   };
-  for (const Reads& r : {Reads{open_from(0, 1), true, true}, Reads{open_from(0, 1), false, false},
-                         Reads{open_from(0.5, 0.5), true, false},
-                         Reads{open_from(1, 2), true, false}}) {
+  for (const Reads& r :
+       {Reads{open_from(0, 1), true, true}, Reads{open_from(0, 1), false, false},
+        Reads{open_from(0.5, 0.5), true, false}, Reads{open_from(1, 2), true, false}}) {
     scene::SceneDescription d = scene_in_motion();
     if (!r.moves)
       for (scene::Shape& shape : d.shapes) shape.motion = {};
