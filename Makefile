@@ -4,6 +4,10 @@ export PATH := $(CURDIR)/.tools/bin:$(CURDIR)/.tools/python/bin:$(CURDIR)/.tools
 # The pinned toolchain, never one that go fetches on its own.
 export GOTOOLCHAIN := local
 export METROFARM_TOOLS := $(CURDIR)/.tools/go
+# What one checkout compiled another need not: paths count from its root.
+export CMAKE_CXX_COMPILER_LAUNCHER := ccache
+export CCACHE_BASEDIR := $(CURDIR)
+export CCACHE_NOHASHDIR := 1
 
 PYTHON := $(CURDIR)/.tools/python/bin/python
 SETUP := tests/setup/setup.sh

@@ -13,7 +13,8 @@ from orders import SCENE, Customer, request_of, result_of, undisturbed
 from records import HARMLESS, REFUSED, Record, read_journal
 from stage import Proxy, Stage, wait_until
 
-DAMAGES = ("truncate", "flip packed", "flip digest", "flip value")
+FLIPS = ("flip segment", "flip state", "flip sums", "flip report")
+DAMAGES = ("truncate", "flip packed", "flip digest", "flip value", *FLIPS)
 FAULTS = ("repeat", "repeat later", "delay", "reorder", "stale", "break off", *DAMAGES)
 
 
@@ -75,6 +76,12 @@ def check_answers(records: list[Record]) -> None:
         "superseded",
     }
     assert of(records, lambda r: r.fault == "truncate") <= {"rejected", "superseded"}
+    # What is no film has a checksum, which is looked at first where the job is still there.
+    for record in records:
+        if record.fault in FLIPS and record.message != "no such job":
+            assert record.outcome in REFUSED, record
+    refused = {r.fault for r in records if r.outcome in REFUSED}
+    assert set(FLIPS) <= refused, f"never refused: {set(FLIPS) - refused}"
 
 
 def mix(x: int) -> int:

@@ -21,6 +21,9 @@ type service struct {
 	Networks    []string `json:"networks"`
 	Command     []string `json:"command"`
 	Entrypoint  []string `json:"entrypoint"`
+	MemLimit    string   `json:"mem_limit"`
+
+	Environment map[string]string `json:"environment"`
 	Build       struct {
 		Target string `json:"target"`
 	} `json:"build"`

@@ -7,11 +7,9 @@ import pytest
 from playwright.sync_api import Browser, expect, sync_playwright
 
 from farm import Farm
-from watched import Watched
+from watched import PATIENCE, Watched
 
 CHROMIUM = "/usr/bin/chromium"
-# Milliseconds for what should come at once, on a machine that does other things too.
-PATIENCE = 60_000
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -26,7 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Debian's Chromium, without a window."""
-    expect.set_options(timeout=PATIENCE)
+    expect.set_options(timeout=1000 * PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=CHROMIUM,

@@ -1,6 +1,6 @@
 """Takes the pictures of the dashboard's document from a running coordinator.
 
-usage: screens.py URL FOLDER RUNNING_JOB DONE_JOB COMPARED_JOB...
+usage: PYTHONPATH=tests/e2e screens.py URL FOLDER RUNNING_JOB DONE_JOB COMPARED_JOB...
 """
 
 import sys
@@ -14,23 +14,29 @@ TALL = {"width": 1400, "height": 1300}
 PHONE = {"width": 390, "height": 844}
 
 
-def opened(browser: Browser, size: dict[str, int], scheme: str, url: str) -> Page:
+# What the pages show last.
+ROWS = ".job-row .badge"
+IMAGE = "#image[data-drawn]"
+CHART = ".chart canvas"
+SCENE = "input[name=scene]:checked"
+
+
+def opened(browser: Browser, size: dict[str, int], scheme: str, url: str, last: str) -> Page:
     page = browser.new_page(
         viewport={"width": size["width"], "height": size["height"]},
         color_scheme="dark" if scheme == "dark" else "light",
     )
-    page.goto(url)
     page.set_default_timeout(120_000)
-    page.wait_for_timeout(4000)
-    page.wait_for_function("() => !document.body.innerText.includes('Reading the image')")
+    page.goto(url)
+    page.wait_for_selector("#connection.live")
+    page.wait_for_selector(last)
     page.wait_for_function("() => [...document.images].every((image) => image.complete)")
-    page.wait_for_timeout(1000)
     return page
 
 
 def look_at_noise(page: Page) -> None:
     page.get_by_label("View", exact=True).select_option(label="Noise")
-    page.get_by_text("relative standard error").wait_for()
+    page.wait_for_selector("#image[data-drawn^=noise]")
 
 
 def main() -> None:
@@ -38,17 +44,18 @@ def main() -> None:
     target = Path(folder)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        job = f"{url}/#/jobs/{running}"
         pages = {
-            "farm": (WIDE, "light", f"{url}/"),
-            "job": (TALL, "light", f"{url}/#/jobs/{running}"),
-            "noise": (WIDE, "dark", f"{url}/#/jobs/{done}"),
-            "compare": (WIDE, "dark", f"{url}/#/compare/{','.join(compared)}"),
-            "submit": (WIDE, "light", f"{url}/#/submit/{running}"),
-            "phone": (PHONE, "dark", f"{url}/#/jobs/{running}"),
-            "phone-farm": (PHONE, "light", f"{url}/"),
+            "farm": (WIDE, "light", f"{url}/", ROWS),
+            "job": (TALL, "light", job, IMAGE),
+            "noise": (WIDE, "dark", f"{url}/#/jobs/{done}", IMAGE),
+            "compare": (WIDE, "dark", f"{url}/#/compare/{','.join(compared)}", CHART),
+            "submit": (WIDE, "light", f"{url}/#/submit/{running}", SCENE),
+            "phone": (PHONE, "dark", job, IMAGE),
+            "phone-farm": (PHONE, "light", f"{url}/", ROWS),
         }
-        for name, (size, scheme, address) in pages.items():
-            page = opened(browser, size, scheme, address)
+        for name, (size, scheme, address, last) in pages.items():
+            page = opened(browser, size, scheme, address, last)
             if name == "noise":
                 look_at_noise(page)
             page.screenshot(path=target / f"{name}.png")

@@ -17,11 +17,6 @@ EXR_MAGIC = bytes([0x76, 0x2F, 0x31, 0x01])
 CHART = ".chart >> nth=0"
 
 
-def picture(page: Page) -> str:
-    """What the canvas of the image shows."""
-    return page.eval_on_selector("#image", "(canvas) => canvas.toDataURL()")
-
-
 def points(page: Page) -> int:
     return int(page.locator(CHART).get_attribute("data-points") or "0")
 
@@ -50,17 +45,20 @@ def test_a_job_from_the_form_to_the_file(farm: Farm, watched: Watched, tmp_path:
     submit_by_form(page, bundle)
     watched.complaints.clear()  # the browser reports the refusal of the wrong height
     watched.wait_for_points(2)
-    page.wait_for_selector("#image")
-    before, seen = picture(page), points(page)
+    before, seen = watched.picture("image srgb"), points(page)
     watched.wait_for_points(seen + 1)
     page.wait_for_function(
-        "(before) => document.querySelector('#image').toDataURL() !== before", arg=before
+        """(before) => {
+          const canvas = document.querySelector('#image')
+          return canvas.dataset.drawn && canvas.toDataURL() !== before
+        }""",
+        arg=before,
     )
     watched.check_access()
 
     page.reload()
     watched.wait_for_points(seen + 1)
-    page.wait_for_selector("#image")
+    assert watched.picture("image srgb") != before
 
     seen = points(page)
     watched.down = True
@@ -85,15 +83,13 @@ def test_views_of_the_image(farm: Farm, watched: Watched) -> None:
     farm.wait(job)
     page = watched.page
     page.goto(f"{farm.url}/#/jobs/{job}")
-    page.wait_for_selector("#image")
-    shown = {picture(page)}
-    for view in ("False color", "ACES"):
-        page.get_by_label("Tone").select_option(label=view)
-        page.wait_for_timeout(300)
-        shown.add(picture(page))
+    shown = {watched.picture("image srgb 5")}
+    for tone, name in (("False color", "false"), ("ACES", "aces")):
+        page.get_by_label("Tone").select_option(label=tone)
+        shown.add(watched.picture(f"image {name} 5"))
     page.get_by_label("View", exact=True).select_option(label="Noise")
+    shown.add(watched.picture("noise false 5"))
     expect(page.locator(".legend")).to_contain_text("relative standard error")
-    shown.add(picture(page))
     assert len(shown) == 4
     page.get_by_label("View", exact=True).select_option(label="Difference")
     reference = farm.get(f"/v1/jobs/{job}/image.pfm").body
@@ -134,10 +130,16 @@ def test_a_phone(farm: Farm, watched: Watched, scheme: str) -> None:
     page = watched.page
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     page.set_viewport_size({"width": 390, "height": 844})
-    for path in ("/", f"/#/jobs/{job}", "/#/submit", f"/#/compare/{job}"):
+    pages = {  # with what each shows last
+        "/": ".job-row .badge.done",
+        f"/#/jobs/{job}": "#image[data-drawn]",
+        "/#/submit": "input[name=scene]",
+        f"/#/compare/{job}": ".chart[data-points='1'] canvas",
+    }
+    for path, last in pages.items():
         page.goto(farm.url + path)
         expect(page.locator("#connection")).to_have_text("live")
-        page.wait_for_timeout(300)
+        page.wait_for_selector(last)
         wide = page.evaluate("document.documentElement.scrollWidth")
         assert wide <= 390, f"{path} is {wide} pixels wide"
         watched.check_access()

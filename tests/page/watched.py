@@ -1,6 +1,7 @@
 """A page whose complaints are kept."""
 
 import json
+import re
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -9,6 +10,10 @@ from playwright.sync_api import Page
 from farm import ROOT
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
+# What the browser says of a server that does not answer, or whose proxy does for it.
+ANSWERS_OF_NOBODY = re.compile("ERR_|status of 50[234]")
+# Seconds within which what should come at once must come.
+PATIENCE = 60
 
 
 class Watched:
@@ -25,7 +30,7 @@ class Watched:
         page.on("console", lambda message: self._note(message.type, message.text))
 
     def _note(self, kind: str, text: str) -> None:
-        if kind in ("error", "warning") and not (self.down and "ERR_" in text):
+        if kind in ("error", "warning") and not (self.down and ANSWERS_OF_NOBODY.search(text)):
             self.complaints.append(text)
 
     def wait_for_points(self, at_least: int) -> None:
@@ -34,6 +39,17 @@ class Watched:
             "(n) => Number(document.querySelector('.chart')?.dataset.points ?? 0) >= n",
             arg=at_least,
         )
+
+    def picture(self, drawn: str) -> str:
+        """The canvas once it shows what begins so: view, tone and round, as "image srgb 5"."""
+        shown = self.page.wait_for_function(
+            """(drawn) => {
+              const canvas = document.querySelector('#image')
+              return canvas?.dataset.drawn?.startsWith(drawn) ? canvas.toDataURL() : null
+            }""",
+            arg=drawn,
+        )
+        return str(shown.json_value())
 
     def elsewhere(self) -> list[str]:
         """Requests to anybody but this machine."""

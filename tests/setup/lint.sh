@@ -42,7 +42,7 @@ check_go() {
   (
     cd services || exit 1
     local unformatted
-    unformatted=$(gofumpt -l cmd internal ../tests/deploy ../tests/chaos/proxy) || exit 1
+    unformatted=$(gofumpt -l checksum cmd internal ../tests/deploy ../tests/chaos/proxy) || exit 1
     if [ -n "$unformatted" ]; then
       echo "not formatted by gofumpt: $unformatted"
       exit 1
@@ -76,7 +76,7 @@ run_check() {
 
 format_all() {
   cpp_sources | xargs clang-format-19 -i
-  (cd services && gofumpt -w cmd internal ../tests/deploy ../tests/chaos/proxy)
+  (cd services && gofumpt -w checksum cmd internal ../tests/deploy ../tests/chaos/proxy)
   (cd proto && buf format -w)
   install_web && (cd web && npm run --silent format)
   ruff format tests && ruff check --fix tests

@@ -11,7 +11,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 readonly BUILD_PACKAGES=(
-  g++ cmake ninja-build make pkg-config git ca-certificates python3 python3-venv
+  g++ ccache cmake ninja-build make pkg-config git ca-certificates python3 python3-venv
   libembree-dev libtbb-dev libopenexr-dev libgrpc++-dev libprotobuf-dev protobuf-compiler
   protobuf-compiler-grpc prometheus-cpp-dev libpugixml-dev libzstd-dev libxsimd-dev libssl-dev
   zlib1g-dev libstb-dev libturbojpeg0-dev libgtest-dev

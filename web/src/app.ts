@@ -1,18 +1,21 @@
 // Ties the gateway to the views: which page is shown, which stream it follows, and what to read again
 // when something happens. Nothing is polled; events say when.
 
+import { persist, wait } from './backoff'
 import * as gateway from './gateway'
 import type { Pixels } from './image/pixels'
 import { fromSRGB, keepRound, parsePFM } from './image/pixels'
 import { addPoint } from './model/convergence'
-import { addListed, applyChange, putJob } from './model/farm'
+import { addListed, applyChange, dropJob, dropUnlisted, putJob } from './model/farm'
 import type { Job, JobEvent } from './model/job'
+import { isBefore } from './model/job'
 import { fieldsOf } from './model/options'
 import type { Route } from './model/route'
 import { formatRoute, parseRoute } from './model/route'
 import type { Actions, JobPage, State } from './state'
 import { emptyPage, startState } from './state'
 import { Store } from './store'
+import type { WireInterface, WireJob, WireSession } from './wire'
 
 /** Jobs of the list at most, the newest. */
 const MAX_JOBS = 2000
@@ -29,6 +32,12 @@ export class App {
   private gathered: JobEvent[] = []
   private gathering = false
   private fetchingImage = false
+  /** The film for which an image was asked last; the answer may show a later one. */
+  private askedFilm = ''
+  /** Ends what the page that is shown still reads. */
+  private leaving = new AbortController()
+  /** Of what all pages need. */
+  private readonly staying = new AbortController()
   private readonly fetchingCurves = new Set<string>()
 
   readonly actions: Actions = {
@@ -78,7 +87,10 @@ export class App {
       this.set({ scenes: [scene, ...others] })
       return scene
     },
-    loadImage: gateway.getPixels,
+    loadImage: (id, layer) =>
+      this.persist(layer === 'variance' ? 'the variance' : 'an image', () =>
+        gateway.getPicture(id, layer),
+      ),
     loadFile: readImage,
     signIn: (token) => {
       gateway.signIn(token).then(
@@ -112,21 +124,26 @@ export class App {
 
   /** Reads who we are and what the server can do, then shows the page of the address. */
   start(): void {
-    this.attempt(async () => {
-      this.set({ session: await gateway.getSession() })
+    const showPage = (session: WireSession) => {
+      this.set({ session })
       this.route()
-      const document = await gateway.getInterface()
+      this.read('the interface', gateway.getInterface, takeInterface, this.staying)
+    }
+    const takeInterface = (document: WireInterface) => {
       this.set({
         fields: fieldsOf(document),
         canRefine: '/v1/jobs/{id}/refine' in document.paths,
       })
-    })
+    }
+    this.read('the session', gateway.getSession, showPage, this.staying)
   }
 
   route(): void {
     const route = parseRoute(location.hash)
-    this.set({ route, message: '' })
     this.unfollow()
+    this.leaving.abort()
+    this.leaving = new AbortController()
+    this.set({ route, message: '', unread: new Set() })
     if (route.page === 'job') this.openJob(route.id)
     else this.openFarm(route)
   }
@@ -135,16 +152,18 @@ export class App {
     this.set({ page: null })
     this.unfollow = gateway.followFarm({
       onMessage: (change) => {
-        this.set({ farm: applyChange(this.state.farm, change) })
-        if (change.full) this.attempt(() => this.readList())
+        const gone = new Set(change.gone)
+        const picked = new Set([...this.state.picked].filter((id) => !gone.has(id)))
+        this.set({ farm: applyChange(this.state.farm, change), picked })
+        if (change.full) this.readList()
         this.readCurves()
       },
       onConnection: this.onConnection,
       onFailure: this.fail,
     })
     if (route.page === 'submit') {
-      this.attempt(async () => {
-        this.set({ scenes: await gateway.listScenes() })
+      this.read('the scenes', gateway.listScenes, (scenes) => {
+        this.set({ scenes })
       })
       if (route.clone !== null) this.readJob(route.clone)
     }
@@ -154,19 +173,31 @@ export class App {
     }
   }
 
-  private async readList(): Promise<void> {
-    await gateway.listJobs(MAX_JOBS, (jobs) => {
-      this.set({ farm: addListed(this.state.farm, jobs) })
+  private readList(): void {
+    const before = this.state.farm
+    const read = async () => {
+      const listed: WireJob[] = []
+      const complete = await gateway.listJobs(MAX_JOBS, (jobs) => {
+        listed.push(...jobs)
+        this.set({ farm: addListed(this.state.farm, jobs) })
+      })
+      return { listed, complete }
+    }
+    this.read('the list of jobs', read, ({ listed, complete }) => {
+      this.set({ farm: dropUnlisted(this.state.farm, before, listed, complete), listed: true })
+      this.readCurves()
     })
-    this.set({ listed: true })
-    this.readCurves()
   }
 
   private readJob(id: string): void {
-    this.attempt(async () => {
-      this.set({ farm: putJob(this.state.farm, await gateway.getJob(id)) })
-      this.readCurves()
-    })
+    this.read(
+      'a job',
+      () => gateway.getJob(id),
+      (job) => {
+        this.set({ farm: putJob(this.state.farm, job) })
+        this.readCurves()
+      },
+    )
   }
 
   /** Reads curves of compared jobs that have more rounds than are known. */
@@ -178,13 +209,15 @@ export class App {
       const known = curves.get(id)
       if ((known !== undefined && known.length >= rounds) || this.fetchingCurves.has(id)) continue
       this.fetchingCurves.add(id)
-      this.attempt(async () => {
+      const read = async () => {
         try {
-          const points = await gateway.getPoints(id)
-          this.set({ curves: new Map(this.state.curves).set(id, points) })
+          return await gateway.getPoints(id)
         } finally {
           this.fetchingCurves.delete(id)
         }
+      }
+      this.read('a curve', read, (points) => {
+        this.set({ curves: new Map(this.state.curves).set(id, points) })
       })
     }
   }
@@ -192,13 +225,14 @@ export class App {
   private openJob(id: string): void {
     this.set({ page: emptyPage(id), connection: null })
     this.gathered = []
-    this.attempt(async () => {
-      const [job, points] = await Promise.all([gateway.getJob(id), gateway.getPoints(id)])
-      if (this.page(id) === null) return
+    this.fetchingImage = false
+    this.askedFilm = ''
+    const read = () => Promise.all([gateway.getJob(id), gateway.getPoints(id)])
+    this.read('the job', read, ([job, points]) => {
       this.setPage(id, { points })
       this.takeJob(job)
       this.followJob(id)
-      await this.readPlan(id)
+      this.readPlan(id)
     })
   }
 
@@ -216,8 +250,18 @@ export class App {
         }, GATHER)
       },
       onConnection: this.onConnection,
-      onFailure: this.fail,
+      onFailure: (error) => {
+        if (error instanceof gateway.Refusal && error.status === 404) this.loseJob(id)
+        else this.fail(error)
+      },
     })
+  }
+
+  /** Shows that a job was deleted; what is known of it stays to be looked at. */
+  private loseJob(id: string): void {
+    this.unfollow()
+    this.set({ farm: dropJob(this.state.farm, id), connection: null })
+    this.setPage(id, { deleted: true })
   }
 
   /** Shows the events that have been gathered; of their snapshots, the last. */
@@ -234,12 +278,19 @@ export class App {
     this.setPage(id, { points, events: [...page.events, ...told].slice(-MAX_EVENTS) })
     const last = events.findLast(({ job }) => job !== null)?.job
     // Past events come first: what they tell must not undo what is known.
-    if (last && (page.job === null || last.rounds >= page.job.rounds)) this.takeJob(last)
-    if (events.some(({ kind }) => kind === 'state')) this.attempt(() => this.readPlan(id))
+    if (last && (page.job === null || !isBefore(last, page.job))) this.takeJob(last)
+    if (events.some(({ kind }) => kind === 'deleted')) this.loseJob(id)
+    else if (events.some(({ kind }) => kind === 'state')) this.readPlan(id)
   }
 
-  private async readPlan(id: string): Promise<void> {
-    this.setPage(id, { plan: await gateway.getPlan(id) })
+  private readPlan(id: string): void {
+    this.read(
+      'the plan',
+      () => gateway.getPlan(id),
+      (plan) => {
+        this.setPage(id, { plan })
+      },
+    )
   }
 
   private takeJob(job: Job): void {
@@ -248,22 +299,25 @@ export class App {
     this.readImage(job.id)
   }
 
-  /** Reads the image if there is a newer one, one at a time. */
+  /** Reads the image if the job has another film than it shows, one at a time. */
   private readImage(id: string): void {
-    const page = this.page(id)
-    const job = page?.job
-    if (!page || !job?.film || job.rounds === page.round || this.fetchingImage) return
+    const film = this.page(id)?.job?.film
+    if (!film || film === this.page(id)?.image?.film) return
+    if (film === this.askedFilm || this.fetchingImage) return
     this.fetchingImage = true
+    this.askedFilm = film
+    const { signal } = this.leaving
     this.attempt(async () => {
       try {
-        const image = await gateway.getPixels(id, 'color')
-        const { rounds } = this.page(id) ?? page
-        const kept = keepRound(rounds, job.rounds, image, IMAGE_BUDGET)
-        this.setPage(id, { image, round: job.rounds, rounds: kept })
+        const image = await this.persist('the image', () => gateway.getPicture(id, 'color'))
+        const kept = this.page(id)?.rounds
+        if (image === null || kept === undefined || signal.aborted) return
+        const rounds = keepRound(kept, image.round, image.pixels, IMAGE_BUDGET)
+        this.setPage(id, { image, rounds })
       } finally {
-        this.fetchingImage = false
+        if (!signal.aborted) this.fetchingImage = false
       }
-      this.readImage(this.state.page?.id ?? id)
+      this.readImage(id)
     })
   }
 
@@ -287,6 +341,34 @@ export class App {
     } else {
       this.set({ message: textOf(error) })
     }
+  }
+
+  /** Reads something for the page that is shown until that succeeds, and says so meanwhile. */
+  private read<T>(
+    what: string,
+    work: () => Promise<T>,
+    take: (result: T) => void,
+    { signal }: AbortController = this.leaving,
+  ): void {
+    this.attempt(async () => {
+      const result = await this.persist(what, work, signal)
+      if (result !== null && !signal.aborted) take(result)
+    })
+  }
+
+  private persist<T>(
+    what: string,
+    work: () => Promise<T>,
+    signal = this.leaving.signal,
+  ): Promise<T | null> {
+    const onAttempt = (failed: boolean) => {
+      if (signal.aborted || this.state.unread.has(what) === failed) return
+      const unread = new Set(this.state.unread)
+      if (failed) unread.add(what)
+      else unread.delete(what)
+      this.set({ unread })
+    }
+    return persist(work, { signal, isFinal: gateway.isFinal, onAttempt, wait })
   }
 
   /** Runs something that may fail, and shows the reason. */

@@ -1,7 +1,8 @@
 // The only file that talks to the coordinator.
 
-import type { Pixels } from './image/pixels'
-import { parsePFM } from './image/pixels'
+import { pause, wait } from './backoff'
+import type { Picture } from './image/pixels'
+import { parsePFM, toPicture } from './image/pixels'
 import type { Worker } from './model/farm'
 import { toWorker } from './model/farm'
 import type { Job, JobEvent, Plan, Point } from './model/job'
@@ -83,8 +84,11 @@ const jobPath = (id: string) => `/v1/jobs/${encodeURIComponent(id)}`
 
 const PAGE = 200
 
-/** All jobs up to a number, newest first; each page is told of as it comes. */
-export async function listJobs(most: number, onPage: (jobs: WireJob[]) => void): Promise<void> {
+/**
+ * All jobs up to a number, newest first; each page is told of as it comes. Returns whether there are no
+ * more.
+ */
+export async function listJobs(most: number, onPage: (jobs: WireJob[]) => void): Promise<boolean> {
   let cursor = ''
   for (let read = 0; read < most; read += PAGE) {
     const query = cursor === '' ? '' : `&cursor=${encodeURIComponent(cursor)}`
@@ -92,9 +96,10 @@ export async function listJobs(most: number, onPage: (jobs: WireJob[]) => void):
       `/v1/jobs?view=brief&limit=${PAGE}${query}`,
     )
     onPage(page.jobs)
-    if (page.next === undefined) return
+    if (page.next === undefined) return true
     cursor = page.next
   }
+  return false
 }
 
 export async function getJob(id: string): Promise<Job> {
@@ -146,9 +151,9 @@ export function imagePath(id: string, kind: ImageKind, query = ''): string {
   return `${jobPath(id)}/image.${kind}${query}`
 }
 
-export async function getPixels(id: string, layer: 'color' | 'variance'): Promise<Pixels> {
+export async function getPicture(id: string, layer: 'color' | 'variance'): Promise<Picture> {
   const response = await call(imagePath(id, 'pfm', `?layer=${layer}`))
-  return parsePFM(await response.arrayBuffer())
+  return toPicture(response.headers, parsePFM(await response.arrayBuffer()))
 }
 
 /** How a stream is: it waits for its first answer, brings news, or has been quiet for too long. */
@@ -156,8 +161,6 @@ export type Connection = 'connecting' | 'live' | 'lost'
 
 /** Streams that are quiet send a comment every 15 s. */
 const SILENCE = 40_000
-const RETRY = 1000
-const MAX_RETRY = 15_000
 
 interface Listener {
   onMessage: (message: Message) => void
@@ -167,12 +170,13 @@ interface Listener {
 
 /**
  * Follows a stream of events until the returned function is called. It connects again by itself and
- * goes on after the last message; only an answer that will not change ends it.
+ * goes on after the last message; only an answer that will not change ends it. A stream that the server
+ * ended in order has news elsewhere, of a job that goes on at another coordinator: that is no loss.
  */
 function follow(path: string, listener: Listener): () => void {
   const control = new AbortController()
   let lastId = ''
-  let retry = RETRY
+  let failures = 0
   const attempt = async () => {
     const quiet = new AbortController()
     const headers: HeadersInit = lastId === '' ? {} : { 'Last-Event-ID': lastId }
@@ -181,7 +185,7 @@ function follow(path: string, listener: Listener): () => void {
     try {
       const response = await call(path, { headers, signal, cache: 'no-store' })
       listener.onConnection('live')
-      retry = RETRY
+      failures = 0
       const parser = new MessageParser(lastId)
       const reader = response.body?.pipeThrough(new TextDecoderStream()).getReader()
       for (let part = await reader?.read(); part?.done === false; part = await reader?.read()) {
@@ -201,16 +205,18 @@ function follow(path: string, listener: Listener): () => void {
     while (!ended()) {
       try {
         await attempt()
+        if (ended()) return
+        listener.onConnection('connecting')
       } catch (error) {
         if (ended()) return
         if (isFinal(error)) {
           listener.onFailure(error)
           return
         }
+        listener.onConnection('lost')
       }
-      listener.onConnection('lost')
-      await wait(retry, control.signal)
-      retry = Math.min(2 * retry, MAX_RETRY)
+      failures++
+      await wait(pause(failures), control.signal)
     }
   }
   listener.onConnection('connecting')
@@ -220,23 +226,12 @@ function follow(path: string, listener: Listener): () => void {
   }
 }
 
-const isFinal = (error: unknown) =>
-  error instanceof Unknown || (error instanceof Refusal && [403, 404].includes(error.status))
+/** Whether a refusal may be another one later: the server has too much to do, or cannot do it now. */
+const passes = (status: number) => status >= 500 || [408, 425, 429].includes(status)
 
-/** Waits, at most until the browser is connected again. */
-function wait(milliseconds: number, signal: AbortSignal): Promise<void> {
-  return new Promise((resolve) => {
-    const done = () => {
-      clearTimeout(timer)
-      window.removeEventListener('online', done)
-      signal.removeEventListener('abort', done)
-      resolve()
-    }
-    const timer = setTimeout(done, milliseconds)
-    window.addEventListener('online', done)
-    signal.addEventListener('abort', done)
-  })
-}
+/** Whether asking again is of no use. */
+export const isFinal = (error: unknown) =>
+  error instanceof Unknown || (error instanceof Refusal && !passes(error.status))
 
 type Following<T> = Omit<Listener, 'onMessage'> & { onMessage: (news: T) => void }
 

@@ -1,7 +1,7 @@
 // What the page knows, and what can be asked of it.
 
 import type { Action, Connection } from './gateway'
-import type { Pixels } from './image/pixels'
+import type { Picture, Pixels } from './image/pixels'
 import type { Farm, JobQuery } from './model/farm'
 import { emptyFarm, startQuery } from './model/farm'
 import type { Job, JobEvent, Plan, Point } from './model/job'
@@ -16,11 +16,11 @@ export interface JobPage {
   points: Point[]
   plan: Plan | null
   events: JobEvent[]
-  image: Pixels | null
-  /** The round that image shows. */
-  round: number
+  image: Picture | null
   /** Images of this and earlier rounds. */
   rounds: ReadonlyMap<number, Pixels>
+  /** Whether it was deleted while it was looked at. */
+  deleted: boolean
 }
 
 export interface State {
@@ -28,6 +28,8 @@ export interface State {
   /** Whether a token is asked for, and what was wrong with the last. */
   login: { open: boolean; problem: string }
   connection: Connection | null
+  /** What could not be read and is being tried again: what is shown of it may be old. */
+  unread: ReadonlySet<string>
   message: string
   route: Route
   farm: Farm
@@ -46,6 +48,7 @@ export const startState: State = {
   session: null,
   login: { open: false, problem: '' },
   connection: null,
+  unread: new Set(),
   message: '',
   route: { page: 'farm' },
   farm: emptyFarm,
@@ -66,8 +69,8 @@ export const emptyPage = (id: string): JobPage => ({
   plan: null,
   events: [],
   image: null,
-  round: 0,
   rounds: new Map(),
+  deleted: false,
 })
 
 /** What views may ask for. */
@@ -81,7 +84,8 @@ export interface Actions {
   pick: (id: string, picked: boolean) => void
   submit: (request: WireRequest) => Promise<void>
   upload: (bundle: Blob) => Promise<WireScene>
-  loadImage: (id: string, layer: 'color' | 'variance') => Promise<Pixels>
+  /** Tries again until it succeeds; null once another page is shown. */
+  loadImage: (id: string, layer: 'color' | 'variance') => Promise<Picture | null>
   loadFile: (file: File) => Promise<Pixels>
   signIn: (token: string) => void
   signOut: () => void

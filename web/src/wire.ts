@@ -34,6 +34,8 @@ export interface WireAcceptance {
 export interface WireJob {
   id: string
   user?: string
+  /** What it is a frame of. */
+  sequence?: { id: string; frame: number }
   request: WireRequest
   state: string
   paused: boolean
@@ -46,6 +48,7 @@ export interface WireJob {
   width?: number
   height?: number
   seed: number
+  refinements?: number
   rounds_done: number
   round_segments: number
   round_segments_done: number

@@ -20,7 +20,8 @@ constexpr char kUsage[] =
     "       metrofarm-worker inspect SCENE [--set NAME=VALUE]... [--lenient]\n"
     "       metrofarm-worker bench SCENE [--integrator path|pssmlt] [--per-pixel N]\n"
     "                        [--width N] [--height N] [--threads N] [--seed N]\n"
-    "                        [--set NAME=VALUE]... [--lenient]\n";
+    "                        [--set NAME=VALUE]... [--lenient]\n"
+    "--scene-memory: default half of what its control group or the machine has, the smaller\n";
 
 }  // namespace
 

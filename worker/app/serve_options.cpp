@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "app/arguments.h"
+#include "base/memory.h"
 #include "rpc/security.h"
 
 namespace metrofarm::app {
@@ -60,10 +61,16 @@ std::optional<Error> read_limits(const Arguments& a, rpc::WorkerOptions& options
   options.threads = options.scenes.threads = static_cast<int>(threads.value());
   options.grace_seconds = double(grace.value());
   if (auto error = read_bytes(a, "cache-size", options.scenes.max_bytes)) return error;
+  options.scenes.scene_memory = default_scene_memory(available_memory());
   return read_bytes(a, "scene-memory", options.scenes.scene_memory);
 }
 
 }  // namespace
+
+uint64_t default_scene_memory(uint64_t available) {
+  constexpr uint64_t kUnknown = uint64_t{4} << 30;
+  return available == 0 ? kUnknown : available / 2;
+}
 
 Result<uint64_t> parse_bytes(const std::string& text) {
   struct Unit {

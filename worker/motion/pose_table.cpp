@@ -93,6 +93,15 @@ class Sampled {
       if (i % 4 != 3) largest = std::max(largest, std::fabs(m[i]));
     }
     size_ = largest * std::max(size, 1e-3 * reach);
+    // Keys, and times at no regular distance: those of a motion that repeats itself must not hit
+    // the same phase each time.
+    for (double time : track.key_times()) {
+      const double share = (time - interval.begin) / interval.length();
+      if (share > 0 && share < 1) shares_.push_back(share);
+    }
+    constexpr int kLooks = 96;
+    constexpr double kGolden = 0.6180339887498949;
+    for (int i = 1; i <= kLooks; ++i) shares_.push_back(std::fmod(i * kGolden, 1.0));
   }
 
   std::vector<Step> steps(int segments) const {
@@ -109,22 +118,30 @@ class Sampled {
 
   // Largest deviation of points within reach, in sizes of what is moved; gives up beyond `most`.
   double deviation(const std::vector<Step>& steps, bool arcs, double most) const {
-    const auto segments = static_cast<int>(steps.size()) - 1;
     double worst = 0;
-    for (int i = 0; i < segments && worst < most; ++i) {
-      for (double t : {0.25, 0.5, 0.75}) {
-        const Matrix exact = at((i + t) / segments);
-        const Matrix found = arcs ? between(steps[i], steps[i + 1], t)
-                                  : mixed(steps[i].whole, steps[i + 1].whole, t);
-        worst = std::max(worst, distance(exact, found) / size_);
-      }
-    }
+    for (size_t i = 0; i < shares_.size() && worst <= most; ++i)
+      worst = std::max(worst, deviation_at(steps, arcs, shares_[i]));
+    // In the middle of steps, where it is largest between keys.
+    const auto segments = static_cast<int>(steps.size()) - 1;
+    for (int i = 0; i < segments && worst <= most; ++i)
+      worst = std::max(worst, deviation_at(steps, arcs, (i + 0.5) / segments));
     return worst;
   }
+
+  double turning() const { return track_.turning_during(interval_); }
 
  private:
   Matrix at(double share) const {
     return multiply(track_.at(interval_.begin + share * interval_.length()), inner_);
+  }
+
+  double deviation_at(const std::vector<Step>& steps, bool arcs, double share) const {
+    const auto segments = static_cast<double>(steps.size() - 1);
+    const auto i = static_cast<size_t>(std::min(share * segments, segments - 1));
+    const double t = share * segments - static_cast<double>(i);
+    const Matrix found =
+        arcs ? between(steps[i], steps[i + 1], t) : mixed(steps[i].whole, steps[i + 1].whole, t);
+    return distance(at(share), found) / size_;
   }
 
   double distance(const Matrix& a, const Matrix& b) const {
@@ -138,6 +155,7 @@ class Sampled {
   const Interval& interval_;
   double reach_;
   double size_;
+  std::vector<double> shares_;  // of the interval, at which deviations are looked at
 };
 
 // Few enough to try them all, with as many divisors as there is room for: keys at equal distances
@@ -165,16 +183,23 @@ struct Steps {
   bool arcs = false;
 };
 
+// A step of more than half a turn would go the other way round: those of much less are tried first.
+constexpr double kMostTurning = std::numbers::pi / 4;
+
 // The fewest steps that follow the motion, or those that follow it best.
 Steps fewest_steps(const Sampled& motion) {
+  const double fewest =
+      std::min(motion.turning() / kMostTurning, double(kSegments[std::size(kSegments) - 1]));
   for (int segments : kSegments) {
     if (segments > kMostStraight) break;
+    if (segments < fewest) continue;
     std::vector<Step> steps = motion.steps(segments);
     if (motion.deviation(steps, false, kTolerance) <= kTolerance) return {std::move(steps), false};
   }
   std::vector<Step> best;
   double least = std::numeric_limits<double>::infinity();
   for (int segments : kSegments) {
+    if (segments < fewest) continue;
     std::vector<Step> steps = motion.steps(segments);
     const double deviation = motion.deviation(steps, true, std::max(least, kTolerance));
     if (deviation >= least && deviation > kTolerance) continue;

@@ -97,6 +97,7 @@ Track::Track(const scene::Motion& motion) {
     const std::optional<Parts> parts = decompose(key.to_world);
     METROFARM_CHECK(parts.has_value());
     keys_.push_back({key.time, key.to_world, *parts});
+    times_.push_back(key.time);
   }
   segments_.resize(keys_.size() - 1);
   turn(motion);
@@ -181,6 +182,17 @@ bool Track::moves_during(const Interval& interval) const {
   return std::any_of(spans.begin(), spans.end(), [&](const Interval& span) {
     return span.begin < interval.end && span.end > interval.begin;
   });
+}
+
+double Track::turning_during(const Interval& interval) const {
+  double sum = 0;
+  for (size_t i = 0; i < segments_.size(); ++i) {
+    const double begin = std::max(interval.begin, keys_[i].time);
+    const double end = std::min(interval.end, keys_[i + 1].time);
+    const double share = (end - begin) / (keys_[i + 1].time - keys_[i].time);
+    if (share > 0) sum += share * std::fabs(segments_[i].angle);
+  }
+  return sum;
 }
 
 }  // namespace metrofarm::motion

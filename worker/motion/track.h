@@ -41,6 +41,9 @@ class Track {
   std::vector<Interval> moving() const;
   // Never in an interval without length.
   bool moves_during(const Interval& interval) const;
+  // By how much it turns in the interval, all of it added up, either way; radians.
+  double turning_during(const Interval& interval) const;
+  const std::vector<double>& key_times() const { return times_; }
 
  private:
   struct Key {
@@ -61,6 +64,7 @@ class Track {
   void bend(const scene::Motion& motion);
 
   std::vector<Key> keys_;
+  std::vector<double> times_;  // of the keys
   std::vector<Segment> segments_;
 };
 

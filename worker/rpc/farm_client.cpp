@@ -8,6 +8,7 @@
 #include <random>
 
 #include "metrofarm/farm/v1/farm_service.grpc.pb.h"
+#include "rpc/checksum.h"
 
 namespace metrofarm::rpc {
 
@@ -231,7 +232,8 @@ CallResult FarmClient::release(const std::vector<farm::v1::LeaseRef>& leases, bo
 CallResult FarmClient::report(farm::v1::ReportRequest request, farm::v1::ReportResponse& response,
                               Cancellation& cancellation) {
   return impl_->repeat("report", 60, 0, cancellation, [&](ClientContext& context) {
-    request.set_worker_id(worker_id());
+    request.set_worker_id(worker_id());  // another one where the attempt before had to register
+    request.set_checksum(checksum(request));
     return impl_->stub->Report(&context, request, &response);
   });
 }

@@ -75,18 +75,18 @@ std::optional<LoadFault> SceneCache::get(const SceneRef& ref, const Fetch& fetch
     scene = scenes_.front().scene;
     return std::nullopt;
   }
-  shrink(options_.scene_memory / 2, kScenes - 1);
+  shrink(options_.scene_memory / 2, kScenes - 1, 0);
   if (auto fault = load(ref, fetch, progress, scene)) return fault;
   scenes_.push_front({key, scene, scene->scene().bytes().total()});
-  shrink(options_.scene_memory, kScenes);
+  shrink(options_.scene_memory, kScenes, 1);
   return std::nullopt;
 }
 
-// Requires: mutex_. The scene used last stays.
-void SceneCache::shrink(uint64_t max_bytes, size_t max_scenes) {
+// Requires: mutex_. Those used last stay, min_scenes of them whatever they take.
+void SceneCache::shrink(uint64_t max_bytes, size_t max_scenes, size_t min_scenes) {
   uint64_t bytes = 0;
   for (const Kept& kept : scenes_) bytes += kept.bytes;
-  while (scenes_.size() > 1 && (bytes > max_bytes || scenes_.size() > max_scenes)) {
+  while (scenes_.size() > min_scenes && (bytes > max_bytes || scenes_.size() > max_scenes)) {
     bytes -= scenes_.back().bytes;
     scenes_.pop_back();
   }

@@ -41,7 +41,7 @@ struct SceneCacheOptions {
   std::filesystem::path directory;          // of the bundles
   uint64_t max_bytes = uint64_t{10} << 30;  // of the bundles
   // That the meshes and images of one scene may take, and all scenes together that are kept.
-  uint64_t scene_memory = uint64_t{16} << 30;
+  uint64_t scene_memory = uint64_t{4} << 30;
   std::string isa;
   int threads = 1;
 };
@@ -57,7 +57,8 @@ class SceneCache {
 
   SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log);
 
-  // Loads the scene unless it is there. Messages name files relative to the bundle.
+  // Loads the scene unless it is there. Scenes that are kept then make room: while it is loaded
+  // they take half of the memory for scenes at most. Messages name files relative to the bundle.
   std::optional<LoadFault> get(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                const Progress& progress, Scene& scene);
   // Forgets loaded scenes, in case memory is to blame.
@@ -66,7 +67,7 @@ class SceneCache {
  private:
   std::optional<LoadFault> load(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                 const Progress& progress, Scene& scene);
-  void shrink(uint64_t max_bytes, size_t max_scenes);
+  void shrink(uint64_t max_bytes, size_t max_scenes, size_t min_scenes);
 
   SceneCacheOptions options_;
   Metrics& metrics_;

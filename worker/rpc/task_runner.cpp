@@ -6,6 +6,7 @@
 
 #include "base/parallel.h"
 #include "rpc/batch_size.h"
+#include "rpc/checksum.h"
 #include "rpc/reports.h"
 
 namespace metrofarm::rpc {
@@ -255,9 +256,11 @@ void TaskRunner::collect(Segment* begin, Segment* end, const Order& order) {
     result.set_digest(s->output.digest);
     fill_counts(s->output, *result.mutable_counts());
     film_->add_anomalies(s->output.anomalies);
-    if (s->chains == nullptr) continue;
-    result.set_state(work_unit::serialize(s->group.state));
-    fill_sums(s->group, result);
+    if (s->chains != nullptr) {
+      result.set_state(work_unit::serialize(s->group.state));
+      fill_sums(s->group, result);
+    }
+    result.set_checksum(checksum(result));
   }
 }
 

@@ -21,6 +21,7 @@ const version = "0.1.0"
 func main() {
 	interrupts := make(chan os.Signal, 2)
 	signal.Notify(interrupts, os.Interrupt, syscall.SIGTERM)
+	memory := limitMemory()
 	os.Exit(cli.Run(context.Background(), cli.Env{
 		Stdout:     os.Stdout,
 		Stderr:     os.Stderr,
@@ -34,6 +35,7 @@ func main() {
 			return hangups
 		},
 		CPUs:    runtime.NumCPU(),
+		Memory:  memory,
 		Version: version + revision(),
 		StartFarm: func(ctx context.Context, options cli.FarmOptions) (cli.Farm, error) {
 			return localfarm.Start(ctx, options)

@@ -2,6 +2,7 @@ package api
 
 import (
 	"crypto/tls"
+	"errors"
 	"fmt"
 	"net"
 	"net/http"
@@ -81,6 +82,37 @@ func (s *server) allowed(next http.Handler) http.Handler {
 		next.ServeHTTP(w, r)
 	})
 }
+
+// errEnded: who reads a stream may not any more.
+var errEnded = errors.New("the token or the session has ended")
+
+// whileAllowed ends event streams, which outlive most sessions, with the role of their readers: a token
+// may be taken back while one is open. A quiet stream notices with its next comment.
+func (s *server) whileAllowed(next http.Handler) http.Handler {
+	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) {
+		if s.Tokens != nil && strings.HasSuffix(r.URL.Path, "/events") {
+			needed := s.routes.role(r)
+			w = &watchedWriter{w, func() bool { return s.identify(r).Role.Includes(needed) }}
+		}
+		next.ServeHTTP(w, r)
+	})
+}
+
+// watchedWriter writes as long as its reader may read.
+type watchedWriter struct {
+	http.ResponseWriter
+	allowed func() bool
+}
+
+func (w *watchedWriter) Write(p []byte) (int, error) {
+	if !w.allowed() {
+		return 0, errEnded
+	}
+	return w.ResponseWriter.Write(p)
+}
+
+// Unwrap lets http.ResponseController find flush and deadlines.
+func (w *watchedWriter) Unwrap() http.ResponseWriter { return w.ResponseWriter }
 
 func refuseUnknown(w http.ResponseWriter, r *http.Request) {
 	challenge, detail := `Bearer realm="metrofarm"`, "this needs a token: Authorization: Bearer TOKEN"

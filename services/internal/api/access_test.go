@@ -57,11 +57,11 @@ var routeRoles = map[string]auth.Role{
 	"POST /v1/jobs":             auth.Submit,
 	"DELETE /v1/jobs/{id}":      auth.Submit, // one's own
 	"PATCH /v1/jobs/{id}":       auth.Submit, // one's own
-	"POST /v1/jobs/{id}/cancel": auth.Submit,
-	"POST /v1/jobs/{id}/finish": auth.Submit,
-	"POST /v1/jobs/{id}/refine": auth.Submit,
-	"POST /v1/jobs/{id}/pause":  auth.Submit,
-	"POST /v1/jobs/{id}/resume": auth.Submit,
+	"POST /v1/jobs/{id}/cancel": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/finish": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/refine": auth.Submit, // one's own
+	"POST /v1/jobs/{id}/pause":  auth.Submit, // one's own
+	"POST /v1/jobs/{id}/resume": auth.Submit, // one's own
 	"POST /v1/scenes":           auth.Submit,
 
 	"POST /v1/sequences":             auth.Submit,
@@ -111,6 +111,9 @@ func TestOperationsWithoutRolesAreRefused(t *testing.T) {
 type guarded struct {
 	*fixture
 	tokens map[auth.Role]string // the user of each is its role
+	other  string               // of another user who may submit
+	file   string               // of the tokens
+	known  *auth.Tokens
 	log    *bytes.Buffer
 	now    time.Time
 }
@@ -119,14 +122,18 @@ func newGuarded(t *testing.T, change func(*api.Options)) *guarded {
 	t.Helper()
 	g := &guarded{tokens: map[auth.Role]string{}, log: &bytes.Buffer{}, now: time.Now()}
 	var lines strings.Builder
-	for _, role := range []auth.Role{auth.Read, auth.Submit, auth.Admin} {
-		token, line, err := auth.NewToken(role, role.String())
+	create := func(role auth.Role, user string) string {
+		token, line, err := auth.NewToken(role, user)
 		if err != nil {
 			t.Fatal(err)
 		}
-		g.tokens[role] = token
 		lines.WriteString(line + "\n")
+		return token
 	}
+	for _, role := range []auth.Role{auth.Read, auth.Submit, auth.Admin} {
+		g.tokens[role] = create(role, role.String())
+	}
+	g.other = create(auth.Submit, "other")
 	path := filepath.Join(t.TempDir(), "tokens")
 	if err := os.WriteFile(path, []byte(lines.String()), 0o600); err != nil {
 		t.Fatal(err)
@@ -135,6 +142,7 @@ func newGuarded(t *testing.T, change func(*api.Options)) *guarded {
 	if err != nil {
 		t.Fatal(err)
 	}
+	g.file, g.known = path, tokens
 	g.fixture = newFixtureWith(t, func(o *api.Options) {
 		o.Tokens, o.SessionKey, o.Now = tokens, make([]byte, 32), func() time.Time { return g.now }
 		o.Logger = slog.New(slog.NewTextHandler(g.log, &slog.HandlerOptions{Level: slog.LevelDebug}))
@@ -217,7 +225,7 @@ func TestJobsBelongToTheirUsers(t *testing.T) {
 		if got := g.as(auth.Admin, "PATCH", "/v1/jobs/"+s.ID, `{"priority":3}`); got.status != 200 {
 			t.Errorf("admin changes the job of %s: %d %s", role, got.status, got.body)
 		}
-		g.as(auth.Submit, "POST", "/v1/jobs/"+s.ID+"/cancel", "")
+		g.as(role, "POST", "/v1/jobs/"+s.ID+"/cancel", "")
 		return s.ID
 	}
 	of, others, again := submit(auth.Submit), submit(auth.Admin), submit(auth.Submit)
@@ -230,6 +238,35 @@ func TestJobsBelongToTheirUsers(t *testing.T) {
 	first, foreign := submit(auth.Submit, "Idempotency-Key", "k"), submit(auth.Admin, "Idempotency-Key", "k")
 	if first == foreign {
 		t.Error("another user's idempotency key returned this one's job")
+	}
+}
+
+// Whatever changes a job asks for its user, or an admin: another one who may submit is refused.
+func TestOnlyItsUserAndAdminsChangeAJob(t *testing.T) {
+	g := newGuarded(t, nil)
+	bearer := func(token string) []string { return []string{"Authorization", "Bearer " + token} }
+	for route := range routeRoles {
+		method, path, _ := strings.Cut(route, " ")
+		if method == "GET" || !strings.HasPrefix(path, "/v1/jobs/{id}") {
+			continue
+		}
+		body := map[string]string{"PATCH /v1/jobs/{id}": `{"priority":1}`, "POST /v1/jobs/{id}/refine": `{"rounds":9}`}[route]
+		id := decode[job.Snapshot](t, g.as(auth.Submit, "POST", "/v1/jobs", request)).ID
+		path = strings.Replace(path, "{id}", id, 1)
+		refused := g.do(method, path, body, bearer(g.other)...)
+		g.expectProblem(http.StatusForbidden, "", refused)
+		if !strings.Contains(string(refused.body), "this is a job of submit") {
+			t.Errorf("%s by another user: %s", route, refused.body)
+		}
+		if now := decode[job.Snapshot](t, g.as(auth.Read, "GET", "/v1/jobs/"+id, "")); now.State != job.Queued || now.Paused {
+			t.Errorf("%s by another user: the job is %s, paused %v", route, now.State, now.Paused)
+		}
+		// The job may be in no state for it, which is for its user and for admins to hear.
+		for _, role := range []auth.Role{auth.Submit, auth.Admin} {
+			if got := g.as(role, method, path, body); got.status == http.StatusForbidden {
+				t.Errorf("%s by %s: %d %s", route, role, got.status, got.body)
+			}
+		}
 	}
 }
 
@@ -394,5 +431,50 @@ func TestAnswersTellBrowsersToBeStrict(t *testing.T) {
 	preflight := g.do("OPTIONS", "/v1/jobs", "", "Origin", "https://evil.example", "Access-Control-Request-Method", "POST")
 	if preflight.status < 400 || preflight.header.Get("Access-Control-Allow-Origin") != "" {
 		t.Errorf("preflight: %d, %v", preflight.status, preflight.header)
+	}
+}
+
+// A stream may be open for days: it ends when what let its reader in does.
+func TestStreamsEndWithTheTokenOfTheirReaders(t *testing.T) {
+	g := newGuarded(t, func(o *api.Options) { o.Now = time.Now }) // comments come by the clock
+	id := decode[job.Snapshot](t, g.as(auth.Submit, "POST", "/v1/jobs", request)).ID
+	signIn := g.as(auth.Read, "POST", "/v1/session", "")
+	cookie, _, _ := strings.Cut(signIn.header.Get("Set-Cookie"), ";")
+	shown := [][2]string{{"Authorization", "Bearer " + g.tokens[auth.Read]}, {"Cookie", cookie}}
+	ended := make(chan string)
+	kept := make(chan string)
+	for _, path := range []string{"/v1/events", "/v1/jobs/" + id + "/events"} {
+		for _, header := range shown {
+			go func() { ended <- g.readEvents(path, "(none)", header[0], header[1]) }()
+		}
+		go func() { kept <- g.readEvents(path, "event: gone", "Authorization", "Bearer "+g.tokens[auth.Admin]) }()
+	}
+	lines, err := os.ReadFile(g.file)
+	if err != nil {
+		t.Fatal(err)
+	}
+	_, others, _ := strings.Cut(string(lines), "\n") // the reader's is the first
+	if err := os.WriteFile(g.file, []byte(others), 0o600); err != nil {
+		t.Fatal(err)
+	}
+	time.AfterFunc(100*time.Millisecond, func() { _ = g.known.Reload() })
+	for range 4 {
+		select {
+		case text := <-ended:
+			if !strings.Contains(text, "event: ") {
+				t.Errorf("a stream ended before it told anything: %q", text)
+			}
+		case <-time.After(20 * time.Second):
+			t.Fatal("a stream outlives the token of its reader")
+		}
+	}
+	select {
+	case text := <-kept:
+		t.Errorf("the stream of another token ended: %q", text)
+	case <-time.After(100 * time.Millisecond): // five comments
+	}
+	g.server.CloseClientConnections()
+	for range 2 {
+		<-kept
 	}
 }

@@ -3,6 +3,7 @@ package api_test
 import (
 	"bufio"
 	"bytes"
+	"context"
 	"image/png"
 	"io"
 	"mime/multipart"
@@ -212,6 +213,22 @@ func (f *fixture) readEvents(path, until string, headers ...string) string {
 		}
 	}
 	return text.String() + "(end)"
+}
+
+func TestAStreamTellsThatItsJobWasDeleted(t *testing.T) {
+	f := newFixture(t)
+	id := f.submit()
+	f.expect(200, "POST", "/v1/jobs/"+id+"/cancel", "")
+	path := "/v1/jobs/" + id + "/events"
+	time.AfterFunc(50*time.Millisecond, func() { _ = f.farm.Delete(context.Background(), id) })
+	if text := f.readEvents(path, "(none)"); !strings.Contains(text, "id: 3\nevent: deleted\ndata: {") || !strings.HasSuffix(text, "\n\n(end)") {
+		t.Errorf("the stream of a deleted job: %s", text)
+	}
+	other := f.submit()
+	time.AfterFunc(50*time.Millisecond, func() { f.farm.DropWatchers(other) })
+	if text := f.readEvents("/v1/jobs/"+other+"/events", "(none)"); strings.Contains(text, "deleted") {
+		t.Errorf("the stream of a job that is there: %s", text)
+	}
 }
 
 func TestEventStream(t *testing.T) {

@@ -34,7 +34,11 @@ func (s *server) fail(ctx context.Context, err error) error {
 	if errors.Is(err, bundle.ErrTooLarge) {
 		return huma.NewError(status, err.Error(), &huma.ErrorDetail{Message: err.Error(), Location: "body"})
 	}
-	return huma.NewError(status, err.Error())
+	problem := huma.NewError(status, err.Error())
+	if status == http.StatusServiceUnavailable {
+		return huma.ErrorWithHeaders(problem, http.Header{"Retry-After": {retrySeconds}})
+	}
+	return problem
 }
 
 // statusOf is the one place that maps errors to HTTP statuses.

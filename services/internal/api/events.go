@@ -3,6 +3,7 @@ package api
 import (
 	"context"
 	"encoding/json"
+	"errors"
 	"fmt"
 	"net/http"
 	"reflect"
@@ -27,7 +28,8 @@ func (s *server) registerEvents(api huma.API) {
 		OperationID: "get-events", Method: http.MethodGet, Path: "/v1/jobs/{id}/events",
 		Tags: []string{"details"}, Summary: "Past events, then live ones, as server-sent events",
 		Description: "id is the sequence number, event the kind, data the event as JSON. Comments keep " +
-			"quiet streams open. The stream ends when the reader is too slow; reconnect with Last-Event-ID.",
+			"quiet streams open. The stream ends when the reader is too slow, and when a job that had ended goes on, " +
+			"for another coordinator may run it: reconnect with Last-Event-ID. The last event of a deleted job is deleted.",
 		Responses: map[string]*huma.Response{"200": {
 			Description: "The stream", Content: map[string]*huma.MediaType{eventStreamType: {Schema: event}},
 		}},
@@ -48,14 +50,24 @@ func (s *server) events(ctx context.Context, input *eventsInput) (*huma.StreamRe
 		defer s.metrics.streams.Dec()
 		_, w := humago.Unwrap(hctx)
 		stream := &eventStream{w: w, control: http.NewResponseController(w)}
-		stream.run(ctx, past, live, s.Heartbeat)
+		if stream.run(ctx, past, live, s.Heartbeat) {
+			s.tellDeleted(ctx, stream, input.ID)
+		}
 	}}, nil
+}
+
+// tellDeleted says why a stream has ended if its job is there no more.
+func (s *server) tellDeleted(ctx context.Context, stream *eventStream, id string) {
+	if _, err := s.Service.Job(ctx, id); errors.Is(err, job.ErrNotFound) {
+		_ = stream.send(job.Event{Sequence: stream.last + 1, Kind: "deleted", At: s.Now(), Message: "the job was deleted"})
+	}
 }
 
 // eventStream writes server-sent events to one client.
 type eventStream struct {
 	w       http.ResponseWriter
 	control *http.ResponseController
+	last    uint64 // sequence of the last event that was sent
 }
 
 const eventStreamType = "text/event-stream"
@@ -63,14 +75,14 @@ const eventStreamType = "text/event-stream"
 // reconnectMilliseconds is how long browsers wait before they connect again.
 const reconnectMilliseconds = 1000
 
-// run returns when the client leaves, the source ends or a write fails.
-func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job.Event, heartbeat time.Duration) {
+// run returns when the client leaves, a write fails, or, with true, when the source ends.
+func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job.Event, heartbeat time.Duration) bool {
 	if s.begin() != nil {
-		return
+		return false
 	}
 	for _, event := range past {
 		if s.send(event) != nil {
-			return
+			return false
 		}
 	}
 	ticker := time.NewTicker(heartbeat)
@@ -79,17 +91,17 @@ func (s *eventStream) run(ctx context.Context, past []job.Event, live <-chan job
 		var err error
 		select {
 		case <-ctx.Done():
-			return
+			return false
 		case event, open := <-live:
 			if !open {
-				return
+				return ctx.Err() == nil
 			}
 			err = s.send(event)
 		case <-ticker.C:
 			err = s.write([]byte(":\n\n"))
 		}
 		if err != nil {
-			return
+			return false
 		}
 	}
 }
@@ -107,6 +119,7 @@ func (s *eventStream) send(event job.Event) error {
 	if err != nil {
 		return err
 	}
+	s.last = event.Sequence
 	return s.write(fmt.Appendf(nil, "id: %d\nevent: %s\ndata: %s\n\n", event.Sequence, event.Kind, data))
 }
 

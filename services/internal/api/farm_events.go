@@ -35,7 +35,7 @@ type FarmChange struct {
 	Full    bool              `json:"full" doc:"The first message of a stream that could not go on: jobs and workers that are not in it are gone or have ended."`
 	Jobs    []json.RawMessage `json:"jobs" doc:"Jobs that changed, as lists with view=brief show them."`
 	Workers []json.RawMessage `json:"workers" doc:"Workers that changed."`
-	Gone    []string          `json:"gone" doc:"Ids of jobs that were deleted and of workers that have left."`
+	Gone    []string          `json:"gone" doc:"Ids of jobs that were deleted, also of those that had ended long before, and of workers that have left."`
 }
 
 type farmEventsInput struct {
@@ -127,6 +127,7 @@ type feed struct {
 	version   uint64
 	oldest    uint64 // version since which changes are complete
 	items     map[string]*item
+	deleted   uint64 // jobs that were deleted, as far as this tells
 }
 
 // keepGone is how many refreshes a message stays of what is there no more.
@@ -166,12 +167,20 @@ func (f *feed) refresh(ctx context.Context, service Service, now time.Time) erro
 	f.read = now
 	f.refreshes++
 	f.version++
+	deleted, last := service.Deleted(f.deleted)
+	if f.refreshes == 1 {
+		deleted = nil // of before anybody was told of a job
+	}
+	f.deleted = last
 	for _, snapshot := range jobs {
 		f.put(snapshot.ID, false, snapshot.State.Ended(), snapshot.Brief())
 	}
 	for _, w := range workers {
 		w.LastContact = w.LastContact.Truncate(contactGrain)
 		f.put(w.ID, true, false, w)
+	}
+	for _, id := range deleted {
+		f.remove(id)
 	}
 	return f.settle(ctx, service)
 }
@@ -191,6 +200,11 @@ func (f *feed) put(id string, worker, ended bool, value any) {
 	if !bytes.Equal(content, known.content) {
 		known.content, known.version = content, f.version
 	}
+}
+
+// remove a job that was deleted, which streams may not have told of: lists did. Requires: mutex.
+func (f *feed) remove(id string) {
+	f.items[id] = &item{id: id, version: f.version, seen: f.refreshes}
 }
 
 // settle finds out what became of those that are not there any more. Requires: mutex.

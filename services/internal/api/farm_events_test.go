@@ -77,6 +77,34 @@ func TestFarmStreamTellsWhatChanged(t *testing.T) {
 	}
 }
 
+func TestFarmStreamTellsOfDeletedJobs(t *testing.T) {
+	f := newFixture(t)
+	before := f.submit()
+	f.expect(200, "POST", "/v1/jobs/"+before+"/cancel", "")
+	f.expect(204, "DELETE", "/v1/jobs/"+before, "")
+	told, listed := f.submit(), f.submit()
+	f.farm.Update(listed, "state", "", func(s *job.Snapshot) { s.State = job.Done }) // no stream has told of it
+	all := f.farmMessage("", any1)
+	if len(all.Jobs) != 1 || len(all.Gone) != 0 {
+		t.Errorf("the first message: %+v", all)
+	}
+	f.farm.Update(told, "state", "", func(s *job.Snapshot) { s.State = job.Done })
+	ended := f.farmMessage(all.ID, any1)
+	for _, id := range []string{told, listed} {
+		f.expect(204, "DELETE", "/v1/jobs/"+id, "")
+	}
+	gone := make(map[string]bool)
+	f.farmMessage(ended.ID, func(m farmMessage) bool {
+		for _, id := range m.Gone {
+			gone[id] = true
+		}
+		return gone[told] && gone[listed]
+	})
+	if len(gone) != 2 {
+		t.Errorf("gone %v", gone)
+	}
+}
+
 func TestFarmStreamOfAnotherProcessBeginsAnew(t *testing.T) {
 	f := newFixture(t)
 	f.submit()

@@ -50,6 +50,8 @@ type imageOutput struct {
 	ETag        string `header:"ETag"`
 	Cache       string `header:"Cache-Control"`
 	Disposition string `header:"Content-Disposition"`
+	Rounds      string `header:"Metrofarm-Rounds" doc:"Complete rounds that the image shows."`
+	Mutations   string `header:"Metrofarm-Mutations" doc:"Mutations, or samples, in them."`
 	Body        []byte
 }
 
@@ -58,8 +60,9 @@ func (s *server) registerImages(api huma.API) {
 		return huma.Operation{
 			OperationID: "get-" + strings.ReplaceAll(name, ".", "-"), Method: http.MethodGet,
 			Path: "/v1/jobs/{id}/" + name, Tags: []string{"images"}, Summary: summary,
-			Description: "The complete rounds so far; 409 before the first. ETag is the film's hash.",
-			Security:    needs(auth.Read),
+			Description: "The complete rounds so far; 409 before the first. ETag is the film's hash. A job goes on while " +
+				"one reads: Metrofarm-Rounds and Metrofarm-Mutations tell of this image, the job's snapshot of another moment.",
+			Security: needs(auth.Read),
 			Responses: map[string]*huma.Response{
 				"200": {Description: "The image", Content: map[string]*huma.MediaType{mediaType: {}}},
 				"304": {Description: "If-None-Match names the current film"},
@@ -180,7 +183,8 @@ func (s *server) image(ctx context.Context, input ImageInput, form imageForm) (*
 	return &imageOutput{
 		Status: http.StatusOK, ContentType: form.mediaType, ETag: quoted(made.film),
 		Disposition: `inline; filename="` + input.ID + "." + form.extension + `"`,
-		Body:        made.body,
+		Rounds:      strconv.Itoa(made.rounds), Mutations: strconv.FormatUint(made.mutations, 10),
+		Body: made.body,
 	}, nil
 }
 

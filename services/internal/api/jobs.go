@@ -231,13 +231,17 @@ func (s *server) registerRefine(api huma.API) {
 	huma.Register(api, huma.Operation{
 		OperationID: "refine-job", Method: http.MethodPost, Path: "/v1/jobs/{id}/refine", Tags: []string{"jobs"},
 		Summary: "Let a job that has ended go on",
-		Description: "A job that is done, or was canceled after its first checkpoint, goes on from there under the same " +
+		Description: "The jobs of other users need the role admin. " +
+			"A job that is done, or was canceled after its first checkpoint, goes on from there under the same " +
 			"id. The stop rules of the body replace those it had; each must ask for more than before and than there " +
 			"is, else the answer is 422 and names it. The image is, bit by bit, that of a job which was submitted " +
 			"with these rules. It is stored durably before the answer; repeated with the same body, it changes nothing.",
 		MaxBodyBytes: s.Limits.BodyBytes, BodyReadTimeout: jsonBodyTimeout,
 		Security: needs(auth.Submit),
 	}, func(ctx context.Context, input *refineInput) (*jobOutput, error) {
+		if err := s.checkOwn(ctx, input.ID, "refining"); err != nil {
+			return nil, err
+		}
 		snapshot, err := s.Service.Refine(ctx, input.ID, input.Body)
 		var field *job.FieldError
 		if errors.As(err, &field) {
@@ -252,20 +256,24 @@ func (s *server) registerRefine(api huma.API) {
 
 func (s *server) registerActions(api huma.API) {
 	actions := []struct {
-		name, summary string
-		act           func(context.Context, string) (job.Snapshot, error)
+		name, doing, summary string
+		act                  func(context.Context, string) (job.Snapshot, error)
 	}{
-		{"cancel", "End a job; its image so far stays", s.Service.Cancel},
-		{"pause", "Stop handing out work", s.Service.Pause},
-		{"resume", "Go on after a pause", s.Service.Resume},
-		{"finish", "Make the round under way the last", s.Service.Finish},
+		{"cancel", "canceling", "End a job; its image so far stays", s.Service.Cancel},
+		{"pause", "pausing", "Stop handing out work", s.Service.Pause},
+		{"resume", "resuming", "Go on after a pause", s.Service.Resume},
+		{"finish", "finishing", "Make the round under way the last", s.Service.Finish},
 	}
 	for _, action := range actions {
 		huma.Register(api, huma.Operation{
 			OperationID: action.name + "-job", Method: http.MethodPost,
 			Path: "/v1/jobs/{id}/" + action.name, Tags: []string{"jobs"}, Summary: action.summary,
-			Security: needs(auth.Submit),
+			Description: "The jobs of other users need the role admin.",
+			Security:    needs(auth.Submit),
 		}, func(ctx context.Context, input *JobPath) (*jobOutput, error) {
+			if err := s.checkOwn(ctx, input.ID, action.doing); err != nil {
+				return nil, err
+			}
 			snapshot, err := action.act(ctx, input.ID)
 			if err != nil {
 				return nil, s.fail(ctx, err)

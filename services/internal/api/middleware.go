@@ -18,7 +18,7 @@ const contentPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; 
 
 // withMiddleware surrounds the routes; what comes last here comes first for a request.
 func (s *server) withMiddleware(next http.Handler) http.Handler {
-	next = s.allowed(withDeadline(next))
+	next = s.allowed(s.whileAllowed(withDeadline(next)))
 	crossOrigin := http.NewCrossOriginProtection()
 	crossOrigin.SetDenyHandler(http.HandlerFunc(func(w http.ResponseWriter, _ *http.Request) {
 		writeProblem(w, http.StatusForbidden, "requests that change something must come from this server's own pages")

@@ -15,8 +15,10 @@ const pictureBudget = 64 << 20
 
 // picture is a finished answer to a request for an image.
 type picture struct {
-	film string
-	body []byte
+	film      string
+	rounds    int
+	mutations uint64
+	body      []byte
 }
 
 // pictureKey names one. The film is a hash of all that the image shows.
@@ -58,7 +60,7 @@ func (p *pictures) get(ctx context.Context, snapshot job.Snapshot, form string,
 		if err := encode(&buffer, image); err != nil {
 			return picture{}, err
 		}
-		return picture{film: image.FilmSHA256, body: buffer.Bytes()}, nil
+		return picture{image.FilmSHA256, image.Rounds, image.Mutations, buffer.Bytes()}, nil
 	}
 	if snapshot.FilmSHA256 == "" {
 		return develop(ctx)

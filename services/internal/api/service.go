@@ -51,8 +51,12 @@ type Service interface {
 	SceneReport(ctx context.Context, id string) (string, error)
 	// Image develops the complete rounds so far; job.ErrNoImage before the first.
 	Image(ctx context.Context, id string) (job.Image, error)
+	// Deleted returns the jobs that were deleted since there were so many, and how many there are now:
+	// of this farm, and as far as this process has heard of it.
+	Deleted(after uint64) (ids []string, last uint64)
 	// Events returns the events with a sequence above after and a channel of those that follow,
-	// closed when ctx ends or when the reader falls too far behind (it then reconnects).
+	// closed when ctx ends, when the reader falls too far behind, and when a job that had ended goes on or
+	// is deleted (the reader then connects again).
 	Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error)
 	// Workers lists the workers that have been seen.
 	Workers(ctx context.Context) ([]job.Worker, error)

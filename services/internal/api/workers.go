@@ -26,9 +26,9 @@ type workerOutput struct {
 
 // Autoscale is what a scaler of worker pods reads.
 type Autoscale struct {
-	DesiredWorkers int `json:"desired_workers" doc:"How many workers the jobs could use: for each that has not ended and is not paused one, and one for every 16 segments of a whole round."`
-	ActiveJobs     int `json:"active_jobs" doc:"Jobs that have not ended and are not paused."`
-	Workers        int `json:"workers" doc:"Workers that are connected and not draining."`
+	DesiredWorkers int `json:"desired_workers" doc:"How many workers the jobs could use: for each that has not ended, is not paused and does not wait for memory one, and one for every 16 segments of a whole round."`
+	ActiveJobs     int `json:"active_jobs" doc:"Jobs that have not ended, are not paused and do not wait for memory."`
+	Workers        int `json:"workers" doc:"Workers that are connected and neither draining nor in quarantine."`
 }
 
 type autoscaleOutput struct {

@@ -39,17 +39,17 @@ type Access struct {
 	JobLimits plan.Limits
 }
 
-// Defaults of the limits on jobs: an 8K image by chains fits into a worker, a 4K one with direct light
-// apart into the coordinator.
+// Defaults of the limits on jobs, where memory allows: an 8K image by chains in a worker, a 4K one with direct light
+// apart in the coordinator.
 const (
-	defaultPixels          = 1 << 25
-	defaultChains          = 1 << 17
-	defaultPerPixel        = 1 << 20
-	defaultMemoryMiB       = 16 << 10
-	defaultWorkerMemoryMiB = 8 << 10
-	defaultSessionTime     = 12 * time.Hour
-	mebibyte               = 1 << 20
-	maxMiB                 = 1 << 40
+	defaultPixels       = 1 << 25
+	defaultChains       = 1 << 17
+	defaultPerPixel     = 1 << 20
+	defaultMemoryMiB    = 16 << 10
+	maxDefaultWorkerMiB = 8 << 10
+	defaultSessionTime  = 12 * time.Hour
+	mebibyte            = 1 << 20
+	maxMiB              = 1 << 40
 	// reloadEvery so often files of tokens and certificates are looked at.
 	reloadEvery = 2 * time.Second
 )
@@ -96,8 +96,9 @@ func (a *accessFlags) registerLimits(f *flags) {
 	f.Uint64Var(&j.Pixels, "max-pixels", defaultPixels, "`N` pixels of an image; default 33554432, 8K")
 	f.Uint64Var(&j.Chains, "max-chains", defaultChains, "`N` chains of a job; default 131072")
 	f.Uint64Var(&j.PerPixel, "max-per-pixel", defaultPerPixel, "`N` samples or mutations per pixel of a job; default 1048576")
-	f.Uint64Var(&a.memoryMiB, "max-memory", defaultMemoryMiB, "`MIB` of a job's film and chains in the coordinator, as estimated; default 16384")
-	f.Uint64Var(&a.workerMemory, "max-worker-memory", defaultWorkerMemoryMiB, "`MIB` likewise in each worker; default 8192")
+	f.Uint64Var(&a.memoryMiB, "max-memory", defaultMemoryMiB, "`MIB` of a job's film and chains in the coordinator, as estimated; at most --films-memory; default 16384")
+	f.Uint64Var(&a.workerMemory, "max-worker-memory", 0, "`MIB` likewise in each worker, beside its scenes; default a quarter of the memory "+
+		"that this server has, as if workers had as much; at most 8192")
 }
 
 // check refuses what makes no sense, before anything is started.
@@ -165,8 +166,21 @@ func isLocal(address string) (bool, error) {
 	return host == "localhost" || (ip != nil && ip.IsLoopback()), nil
 }
 
-// open reads the files that the flags name. dataDir exists.
-func (a *accessFlags) open(dataDir string) (Access, error) {
+// limitWorkers fills in what films may take in a worker: a quarter of its memory, of which scenes have
+// half.
+func (a *accessFlags) limitWorkers(memory int64) {
+	if a.workerMemory > 0 {
+		return
+	}
+	a.workerMemory = maxDefaultWorkerMiB
+	if memory > 0 {
+		a.workerMemory = min(a.workerMemory, max(1, uint64(memory)/4/mebibyte))
+	}
+}
+
+// open reads the files that the flags name. dataDir exists; memory is what the process may use.
+func (a *accessFlags) open(dataDir string, memory int64) (Access, error) {
+	a.limitWorkers(memory)
 	a.JobLimits.CoordinatorBytes, a.JobLimits.WorkerBytes = a.memoryMiB*mebibyte, a.workerMemory*mebibyte
 	var err error
 	if a.tokens != "" {

@@ -62,6 +62,8 @@ type FarmOptions struct {
 	Flow Flow
 	// Workers to start here, each with so many Threads.
 	Workers, Threads int
+	// SceneMemory is what the scenes of each of them may take, in bytes; 0: the worker's default.
+	SceneMemory int64
 	// WorkerProgram is needed when Workers is not 0.
 	WorkerProgram string
 	// OneJob: the farm lives for one job. A worker that keeps dying at its start ends it (otherwise
@@ -85,6 +87,8 @@ type Env struct {
 	Hangups func() <-chan os.Signal
 	// CPUs is the number of hardware threads.
 	CPUs int
+	// Memory that this process may use, in bytes; 0: not known.
+	Memory int64
 	// Version of this program.
 	Version string
 	// StartFarm starts a coordinator in this process.

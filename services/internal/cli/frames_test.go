@@ -1,11 +1,13 @@
 package cli
 
 import (
+	"net/http/httptest"
 	"os"
 	"strings"
 	"testing"
 	"time"
 
+	"metrofarm/services/internal/api"
 	"metrofarm/services/internal/job"
 )
 
@@ -143,5 +145,66 @@ func TestAnInterruptEndsASequenceWithItsFrame(t *testing.T) {
 	q, err := b.farm.Sequence(t.Context(), "seq-1")
 	if err != nil || q.States[job.Done] != 1 || q.States[job.Canceled] != 2 {
 		t.Errorf("%+v, error %v", q, err)
+	}
+}
+
+// newRemote makes a bench whose commands go to a server with the bench's farm.
+func newRemote(t *testing.T) *bench {
+	t.Helper()
+	b := newBench(t, listsScene)
+	handler, err := api.NewHandler(api.Options{Service: b.farm.Farm, Scenes: b.farm.library})
+	if err != nil {
+		t.Fatal(err)
+	}
+	server := httptest.NewServer(handler)
+	t.Cleanup(server.Close)
+	getenv := b.env.Getenv
+	b.env.Getenv = func(name string) string {
+		if name == serverVariable {
+			return server.URL
+		}
+		return getenv(name)
+	}
+	return b
+}
+
+func (b *bench) expect(t *testing.T, arguments []string, lines ...string) {
+	t.Helper()
+	b.stdout.Reset()
+	b.stderr.Reset()
+	if code := b.run(t, arguments...); code != 0 {
+		t.Fatalf("%v: exit code %d, %s", arguments, code, b.stderr.String())
+	}
+	words := strings.Join(strings.Fields(b.stdout.String()), " ")
+	for _, line := range lines {
+		if !strings.Contains(words, line) {
+			t.Errorf("%v printed %q, without %q", arguments, words, line)
+		}
+	}
+}
+
+func TestSequencesOnAServer(t *testing.T) {
+	b := newRemote(t)
+	b.expect(t, []string{"submit", b.scene, "--frames", "3-5"}, "seq-1")
+	b.farm.Update("j2", "state", "", func(s *job.Snapshot) { s.State, s.Error = job.Failed, "no light" })
+	b.expect(t, []string{"sequences"}, "ID NAME USER FRAMES STATE CREATED seq-1", "3-5 rendering, 0 of 3 done, 1 failed")
+	b.expect(t, []string{"sequence", "seq-1"}, "3 j1 0.114583 to 0.135417 s 0 queued 0% 0 - -", "4 j2", "failed 0% 0 - no light")
+	b.expect(t, []string{"job", "j3"}, "frame 5 of sequence seq-1")
+	b.expect(t, []string{"pause", "seq-1"}, "seq-1 rendering, 0 of 3 done, 1 failed")
+	b.expect(t, []string{"sequence", "seq-1", "--json"}, `"paused": true`, `"png": "/v1/jobs/j3/image.png"`)
+	b.expect(t, []string{"cancel", "seq-1"}, "seq-1 failed, 0 of 3 done, 1 failed, 2 canceled")
+	if code := b.run(t, "finish", "seq-1"); code == 0 || !strings.Contains(b.stderr.String(), "seq-1 is a sequence") {
+		t.Errorf("exit code %d: %s", code, b.stderr.String())
+	}
+}
+
+func TestSubmitWaitsForFrames(t *testing.T) {
+	b := newRemote(t)
+	b.rounds(t, map[string]func(){"j1": b.finish(t, "j1"), "j2": b.finish(t, "j2")})
+	b.expect(t, []string{"submit", b.scene, "--frames", "1-2", "-o", b.path("f##.exr")}, "seq-1")
+	for _, name := range []string{"f01.exr", "f02.exr"} {
+		if _, err := os.Stat(b.path(name)); err != nil {
+			t.Error(err)
+		}
 	}
 }

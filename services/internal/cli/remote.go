@@ -189,6 +189,9 @@ func act(action string) func(context.Context, Env, []string) error {
 		}
 		return r.toEach(ids, func(id string) (any, string, error) {
 			if strings.HasPrefix(id, job.SequencePrefix) {
+				if action == "finish" {
+					return nil, "", usagef("finish: %s is a sequence; name its jobs, or cancel it", id)
+				}
 				q, err := c.ActOnSequence(ctx, id, action)
 				return q, sequenceText(&q), err
 			}

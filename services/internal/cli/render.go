@@ -91,6 +91,7 @@ func render(ctx context.Context, env Env, arguments []string) error {
 	farm, err := env.StartFarm(ctx, FarmOptions{
 		DataDir: data, Storage: defaultStorage(data), Listen: r.listen, LocalOnly: true, FarmListen: "127.0.0.1:0",
 		Workers: r.workers, Threads: threadsPerWorker(env.CPUs, r.threads, r.workers),
+		SceneMemory:   sceneMemory(env.Memory, r.workers),
 		WorkerProgram: program, OneJob: true, Version: env.Version, Logger: logger(env.Stderr, r.verbose),
 	})
 	if err != nil {

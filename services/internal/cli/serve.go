@@ -134,7 +134,7 @@ func (s *serveFlags) farmOptions(env Env) (FarmOptions, error) {
 	if err != nil {
 		return FarmOptions{}, err
 	}
-	access, err := s.open(data)
+	access, err := s.open(data, env.Memory)
 	if err != nil {
 		return FarmOptions{}, err
 	}
@@ -142,11 +142,13 @@ func (s *serveFlags) farmOptions(env Env) (FarmOptions, error) {
 	if err != nil {
 		return FarmOptions{}, err
 	}
+	s.flow.share(env.Memory, s.workers)
 	options := FarmOptions{
 		DataDir: data, Listen: s.listen, LocalOnly: local, FarmListen: s.farmListen, Access: access,
 		Store: s.store, Advertise: s.advertise, Storage: storage, Flow: s.flow,
 		Workers: s.workers, Threads: threadsPerWorker(env.CPUs, s.threads, s.workers), Version: env.Version,
-		Logger: s.logger(env),
+		SceneMemory: sceneMemory(env.Memory, s.workers),
+		Logger:      s.logger(env),
 	}
 	if s.workers > 0 {
 		options.WorkerProgram, err = child.Locate(env.Getenv)

@@ -48,6 +48,8 @@ func (r *run) hear(w worker, batch *merge.Batch) (complaint string) {
 		}
 		if h := r.checks.of[key]; h != nil {
 			complaint = r.testify(h, key, w.id, s.Mark)
+		} else {
+			complaint = r.compare(key, w.id, s.Mark)
 		}
 		if complaint != "" {
 			return complaint
@@ -63,7 +65,9 @@ func (r *run) testify(h *heldBatch, key segmentKey, worker string, mark round.Ma
 		if same {
 			return ""
 		}
-		r.drop(h)
+		if !h.counted { // else another worker must say which is right
+			r.drop(h)
+		}
 		return fmt.Sprintf("the worker rendered segment %d differently before", key.segment)
 	}
 	c := h.cases[key]
@@ -84,10 +88,16 @@ func (r *run) rule(h *heldBatch, key segmentKey, c *check.Case) (complaint strin
 	case check.Agreed:
 		r.checks.proven[key] = ruling.Mark
 		r.closeCase(h, key)
+		if h.counted && ruling.Mark != h.mark(key) {
+			r.unwind(h)
+		}
 		if len(ruling.Wrong) > 0 {
 			r.convict(key, c, ruling)
 		}
 		if ruling.Mark == h.mark(key) {
+			if len(h.cases) == 0 {
+				delete(r.checks.doubted, h.worker)
+			}
 			r.settle(h)
 		}
 	case check.Disputed:
@@ -107,6 +117,9 @@ func (r *run) convict(key segmentKey, c *check.Case, ruling check.Ruling) {
 	c.Heard = c.Heard[:2] // the third was never in dispute
 	for _, worker := range ruling.Wrong {
 		r.acquit(c, worker)
+		if worker == unknown {
+			continue
+		}
 		r.exclude(worker, evidence)
 	}
 }
@@ -169,7 +182,7 @@ func (r *run) pauseFor(reason string) {
 		for _, c := range h.cases {
 			if status := c.Ruling().Status; status == check.Disputed || status == check.Hung {
 				for _, t := range c.Heard {
-					r.checks.suspects[t.Worker] = true
+					r.checks.suspects[t.Worker], r.checks.doubted[t.Worker] = true, true
 				}
 			}
 		}

@@ -2,10 +2,11 @@
 // workers, merges what comes back, stops on complete rounds and survives its own death.
 //
 // Locks: Coordinator.mu guards the maps of jobs and workers; run.mu guards one job with its tasks
-// and film. run.mu is taken before Coordinator.mu, never after it. Whole-film work (folding a
-// round, hashing, developing, writing checkpoints) happens on snapshots, off both locks, in the one
-// housekeeping goroutine that Run owns. Run has two more: one renews the leases on the jobs, one takes
-// over jobs without owner (ownership.go).
+// and film. run.mu is taken before Coordinator.mu, never after it, and the lock of the room for films
+// (room.go) last. Whole-film work (folding a round, hashing, developing, writing checkpoints) happens
+// on snapshots, off both locks, in the goroutines that Run owns: housekeeping, one that renews the leases
+// on the jobs, one that takes over jobs without owner (ownership.go), and one for each checkpoint that is
+// read or written (keep.go).
 package coordinator
 
 import (
@@ -55,6 +56,12 @@ type Options struct {
 	Deliveries int
 	// MergeBudget is the memory, in bytes, of batches that are being read or held.
 	MergeBudget int64
+	// FilmsMemory is the memory, in bytes, that the films of all jobs together may take, as estimated;
+	// 0: no bound. A job beyond it waits, one that is larger than all of it is refused.
+	FilmsMemory int64
+	// ReadPatience is how long a request waits to read the checkpoint of a job that has ended, for an
+	// image or to refine it, while others do.
+	ReadPatience time.Duration
 	// InboundBytes is what all workers together should deliver per second at most.
 	InboundBytes int64
 	// CheckOneIn is the reciprocal of the share of segments that are rendered twice where two workers
@@ -63,8 +70,8 @@ type Options struct {
 	// CheckPatience is how long a batch is held for another worker to confirm it, or for a third to
 	// decide between two.
 	CheckPatience time.Duration
-	// Quarantine is how long a worker gets no leases after a batch whose film does not fit its own
-	// digests; twice as long after each further one.
+	// Quarantine is how long a worker gets no leases after a damaged batch: one that does not unpack, or
+	// whose film does not fit its own digests; twice as long after each further one.
 	Quarantine time.Duration
 }
 
@@ -80,6 +87,7 @@ const (
 	defaultDeliveries    = 8
 	defaultCheckPatience = 2 * time.Minute
 	defaultQuarantine    = time.Second
+	defaultReadPatience  = 20 * time.Second
 )
 
 // Defaults of what batches may take.
@@ -111,6 +119,10 @@ func (o *Options) setDefaults() {
 	setDefault(&o.CheckOneIn, check.OneIn)
 	setDefault(&o.CheckPatience, defaultCheckPatience)
 	setDefault(&o.Quarantine, defaultQuarantine)
+	setDefault(&o.ReadPatience, defaultReadPatience)
+	if films := uint64(o.FilmsMemory); films > 0 && (o.Limits.CoordinatorBytes == 0 || o.Limits.CoordinatorBytes > films) {
+		o.Limits.CoordinatorBytes = films
+	}
 }
 
 func setDefault[T comparable](value *T, fallback T) {
@@ -136,9 +148,15 @@ type Coordinator struct {
 	leases  atomic.Uint32
 	slots   chan struct{} // deliveries being read
 	merging *flow.Queue
+	room    *room         // for films
+	readers *readers      // of checkpoints of jobs that have ended
 	kick    chan struct{} // housekeeping has something to do
 	stopped chan struct{} // closed when Run ends
 	broken  chan error    // the first failure that ends Run
+
+	reads, writes      chan struct{}  // checkpoints being read, and written
+	reading, transfers sync.WaitGroup // likewise
+	news               news
 
 	submitMu sync.Mutex // taken before all others
 	endedMu  sync.Mutex // one at a time acquires jobs that have ended; taken before mu
@@ -173,9 +191,13 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		options: options, log: options.Logger.With("coordinator", options.Member.ID), codec: codec,
 		slots:   make(chan struct{}, options.Deliveries),
 		merging: flow.NewQueue(options.MergeBudget),
+		room:    newRoom(options.FilmsMemory),
+		readers: newReaders(options.FilmsMemory),
 		kick:    make(chan struct{}, 1),
 		stopped: make(chan struct{}),
 		broken:  make(chan error, 1),
+		reads:   make(chan struct{}, maxReads),
+		writes:  make(chan struct{}, maxWrites),
 		jobs:    make(map[string]*run),
 		ended:   make(map[job.State]int),
 		workers: make(map[string]*worker),
@@ -184,7 +206,7 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 		usualCost: firstCost,
 	}
 	c.metrics = newMetrics(c)
-	if err := c.beat(ctx); err != nil {
+	if err := errors.Join(c.beat(ctx), c.hearOfChanges(ctx)); err != nil {
 		return nil, fmt.Errorf("coordinator: %w", err)
 	}
 	return c, nil
@@ -205,6 +227,10 @@ func (c *Coordinator) Run(ctx context.Context) error {
 	if err == nil {
 		c.shutDown()
 	}
+	for _, r := range c.runs() { // the store failed
+		r.cancelTransfer()
+	}
+	c.transfers.Wait()
 	stopBeating()
 	beats.Wait()
 	if err == nil {
@@ -229,13 +255,17 @@ func (c *Coordinator) keepHouse(ctx context.Context) error {
 	}
 }
 
+// shutDown hands each job over as soon as its last checkpoint is written, whatever becomes of the others.
 func (c *Coordinator) shutDown() {
+	var leaving sync.WaitGroup
 	for _, r := range c.runs() {
-		if !c.suspended() && r.catchUp() && r.checkpointDue(true) {
-			r.checkpoint()
-		}
-		r.closeStreams()
+		leaving.Go(func() {
+			r.keepLast()
+			r.closeStreams()
+			c.handOver(r)
+		})
 	}
+	leaving.Wait()
 }
 
 // fatal ends Run: without its store a coordinator must not promise anything.

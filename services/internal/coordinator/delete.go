@@ -14,7 +14,9 @@ func (c *Coordinator) Delete(ctx context.Context, id string) error {
 	if r == nil {
 		return c.deleteStored(ctx, id)
 	}
-	r.mu.Lock()
+	if err := r.lockAtRest(ctx); err != nil {
+		return err
+	}
 	if !r.rec.State.Ended() {
 		defer r.mu.Unlock()
 		return undeletable(&r.rec)
@@ -33,8 +35,28 @@ func (c *Coordinator) Delete(ctx context.Context, id string) error {
 	c.remove(r)
 	c.mu.Unlock()
 	r.closeStreams()
-	c.discard(unneeded)
+	c.discard(ctx, unneeded)
 	return nil
+}
+
+// lockAtRest locks mu while no checkpoint of a job that has ended is being written, which it ends.
+func (r *run) lockAtRest(ctx context.Context) error {
+	for {
+		r.mu.Lock()
+		if !r.rec.State.Ended() {
+			return nil
+		}
+		done := r.cancelTransfer()
+		if done == nil {
+			return nil
+		}
+		r.mu.Unlock()
+		select {
+		case <-done:
+		case <-ctx.Done():
+			return fmt.Errorf("job %s: its checkpoint is being written: %w", r.id, job.ErrUnavailable)
+		}
+	}
 }
 
 func undeletable(rec *store.Record) error {
@@ -59,7 +81,7 @@ func (c *Coordinator) deleteStored(ctx context.Context, id string) error {
 	if err := c.options.Store.DeleteJob(ctx, epoch, id); err != nil {
 		return fmt.Errorf("delete: %w", err)
 	}
-	c.discard(checkpointsOf(&r.rec))
+	c.discard(ctx, checkpointsOf(&r.rec))
 	return nil
 }
 

@@ -64,7 +64,7 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "no such job")
 		return nil
 	}
-	d.open()
+	d.open(unsound(d.header))
 	if d.verdict != nil {
 		return nil
 	}
@@ -76,12 +76,15 @@ func (d *Delivery) Open(ctx context.Context, in *farmv1.DeliverHeader) error {
 	return nil
 }
 
-// open checks the header against the job.
-func (d *Delivery) open() {
+// open checks the header against the job; damage is what is wrong with its checksums.
+func (d *Delivery) open(damage error) {
 	r := d.run
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	switch {
+	case damage != nil:
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, damage.Error())
+		return
 	case r.rec.State != job.Rendering || r.finishing != nil:
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job is "+string(r.rec.State))
 		return
@@ -95,7 +98,7 @@ func (d *Delivery) open() {
 	}
 	assembler, err := merge.NewAssembler(d.c.codec, plan.Shape(r.spec), chains, d.header)
 	if err != nil {
-		d.reject(err.Error())
+		d.refuse(err)
 		return
 	}
 	d.assembler = assembler
@@ -110,7 +113,7 @@ func (d *Delivery) Add(tiles []*farmv1.Tile) {
 	if err := d.assembler.Add(tiles); err != nil {
 		d.run.mu.Lock()
 		defer d.run.mu.Unlock()
-		d.reject(err.Error())
+		d.refuse(err)
 	}
 }
 
@@ -151,11 +154,8 @@ func (d *Delivery) settle() {
 	case r.gone.Load():
 		d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, "the job has moved to another coordinator")
 		return
-	case errors.Is(err, merge.ErrDigest):
-		d.damaged(err.Error())
-		return
 	case err != nil:
-		d.reject(err.Error())
+		d.refuse(err)
 		return
 	}
 	r.batchSize.Add(d.bytes + proto.Size(d.header))
@@ -173,10 +173,19 @@ func (d *Delivery) settle() {
 func (d *Delivery) judge(batch *merge.Batch) {
 	r := d.run
 	if !r.current(batch) {
-		d.supersede("a part of it was asked for before the job was refined")
+		d.supersede("a part of it was asked for before the job was refined or its round begun again")
+		return
+	}
+	if err := r.misplaced(batch); err != nil {
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, err.Error())
 		return
 	}
 	if _, err := r.state.Judge(batch); err != nil {
+		d.reject(err.Error())
+		return
+	}
+	var err error
+	if batch.CPUSeconds, err = r.cpuTime(d.worker, batch.CPUSeconds, d.leases()...); err != nil {
 		d.reject(err.Error())
 		return
 	}
@@ -188,9 +197,11 @@ func (d *Delivery) judge(batch *merge.Batch) {
 		d.conflict(complaint)
 		return
 	}
-	// Only now: what was heard may have merged held batches.
+	// Only now: what was heard may have merged held batches, or thrown open rounds away.
 	verdict, err := r.state.Judge(batch)
 	switch {
+	case !r.current(batch):
+		d.supersede("its round is rendered again")
 	case err != nil:
 		d.reject(err.Error())
 	case verdict == round.Duplicate:
@@ -206,8 +217,8 @@ func (d *Delivery) judge(batch *merge.Batch) {
 	}
 }
 
-// current tells whether all of a batch was asked for since the job was refined last: rounds may be
-// others now. Requires: mu.
+// current tells whether all of a batch was asked for since the job was refined last, and since open rounds
+// were thrown away last: rounds may be others now, and chains elsewhere. Requires: mu.
 func (r *run) current(batch *merge.Batch) bool {
 	return !slices.ContainsFunc(batch.Segments, func(s merge.Segment) bool {
 		return !strings.HasPrefix(s.Task, r.taskPrefix())
@@ -230,41 +241,68 @@ func (d *Delivery) accept(batch *merge.Batch) {
 	}
 }
 
-// supersede requires: run.mu.
-func (d *Delivery) supersede(message string) {
+// refuse says what is wrong with a batch, and whose fault that is. Requires: run.mu.
+func (d *Delivery) refuse(err error) {
+	switch {
+	case errors.Is(err, merge.ErrDigest):
+		d.damaged(farmv1.Outcome_OUTCOME_CONFLICT, err.Error())
+	case errors.Is(err, merge.ErrDamaged):
+		d.damaged(farmv1.Outcome_OUTCOME_REJECTED, err.Error())
+	default:
+		d.reject(err.Error())
+	}
+}
+
+// leases under which the batch was rendered.
+func (d *Delivery) leases() []*farmv1.LeaseRef {
+	leases := make([]*farmv1.LeaseRef, 0, len(d.header.GetSegments()))
 	for _, s := range d.header.GetSegments() {
-		if d.run.table.Release(ref(s.GetLease()), d.worker.id) {
+		leases = append(leases, s.GetLease())
+	}
+	return leases
+}
+
+// release gives the batch's leases back without blame. Requires: run.mu.
+func (d *Delivery) release() {
+	for _, l := range d.leases() {
+		if d.run.table.Release(ref(l), d.worker.id) {
 			d.c.metrics.released.Inc()
 		}
 	}
+}
+
+// supersede requires: run.mu.
+func (d *Delivery) supersede(message string) {
+	d.release()
 	d.decide(farmv1.Outcome_OUTCOME_SUPERSEDED, message)
 }
 
-// conflict requires: run.mu.
-func (d *Delivery) conflict(message string, more ...slog.Attr) {
-	d.c.flag(d.worker.id)
-	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
-	d.run.publish("fault", fmt.Sprintf("worker %s delivered a conflicting batch of round %d: %s", d.worker.name, d.header.GetRound(), message), nil,
-		append(about, more...)...)
-	d.blame(message)
+// conflict tells of a batch that another worker contradicts, which is no fault of its tasks. Requires:
+// run.mu.
+func (d *Delivery) conflict(message string) {
+	d.flag("conflicting", message)
 	d.decide(farmv1.Outcome_OUTCOME_CONFLICT, message)
 }
 
-// reject requires: run.mu.
-func (d *Delivery) reject(message string) {
-	d.blame(message)
-	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
+// flag holds a batch against its worker and not against its tasks. Requires: run.mu.
+func (d *Delivery) flag(kind, message string, more ...slog.Attr) {
+	d.c.flag(d.worker.id)
+	about := append(identity(d.worker), slog.Int("round", int(d.header.GetRound())))
+	d.run.publish("fault", fmt.Sprintf("worker %s delivered a %s batch of round %d: %s", d.worker.name, kind, d.header.GetRound(), message), nil,
+		append(about, more...)...)
+	d.release()
+	d.run.save()
 }
 
-// blame gives the batch's leases back as failed, so another worker tries them first. Requires:
-// run.mu.
-func (d *Delivery) blame(message string) {
-	for _, s := range d.header.GetSegments() {
+// reject tells of a batch that speaks against its tasks. Requires: run.mu.
+func (d *Delivery) reject(message string) {
+	for _, l := range d.leases() {
 		if d.run.rec.State.Ended() {
-			return
+			break
 		}
-		d.run.blame(s.GetLease(), d.worker, message)
+		d.run.blame(l, d.worker, message)
 	}
+	d.decide(farmv1.Outcome_OUTCOME_REJECTED, message)
 }
 
 func (d *Delivery) decide(outcome farmv1.Outcome, message string) {

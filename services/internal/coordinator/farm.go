@@ -3,6 +3,7 @@ package coordinator
 import (
 	"context"
 	"fmt"
+	"log/slog"
 	"math"
 	"regexp"
 	"strings"
@@ -37,6 +38,9 @@ func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*
 	}
 	if in.GetVersion() == "" || len(in.GetVersion()) > maxNameBytes {
 		return nil, &job.FieldError{Field: "version", Detail: "is missing or too long"}
+	}
+	if in.GetThreads() > maxThreads {
+		return nil, &job.FieldError{Field: "threads", Detail: fmt.Sprintf("is more than %d", maxThreads)}
 	}
 	c.mu.Lock()
 	defer c.mu.Unlock()
@@ -184,6 +188,10 @@ func (r *run) lease(w worker, limit int, grant granter) []*farmv1.Task {
 		r.pin(w.version)
 	}
 	r.joined(w)
+	if again := r.table.LeasedAgain(); again.Tasks > 0 {
+		r.note("tasks leased again", append(identity(w), slog.Int("tasks", again.Tasks),
+			slog.Float64("seconds_since_last_heard", again.Longest.Seconds()))...)
+	}
 	tasks := r.buildTasks(refs, w)
 	r.c.metrics.granted.Add(float64(len(tasks)))
 	return tasks
@@ -197,7 +205,7 @@ func (r *run) grant(w worker, limit int) []lease.Ref {
 		return r.table.GrantApart(w.id, limit, now)
 	}
 	r.table.Linger(2 * (r.sealAfter() - flow.MinSeal))
-	return r.table.Grant(w.id, r.share(w, limit), r.c.liveWorkers(w.version) <= 1, now)
+	return r.table.Grant(w.id, r.share(w, limit), r.eligible(), now)
 }
 
 // grantWithheld leases what ends in no batch, and what batches that are held wait for. Requires: mu.

@@ -144,10 +144,9 @@ func TestWorkersAreToldHowLongToCollect(t *testing.T) {
 	if got := inspect.GetSealSeconds(); got != 1.5 {
 		t.Errorf("%g seconds before there is a film", got)
 	}
-	_, err = s.c.Report(context.Background(), &farmv1.ReportRequest{WorkerId: w, Lease: leaseOf(inspect.GetTasks()[0]), Result: &farmv1.ReportRequest_Failure{
+	(&hand{t: t, c: s.c, id: w}).report(inspect.GetTasks()[0], &farmv1.ReportRequest{Result: &farmv1.ReportRequest_Failure{
 		Failure: &farmv1.TaskFailure{Reason: farmv1.FailureReason_FAILURE_REASON_WORKER, Message: "another should do it"},
 	}})
-	s.check(err)
 	defer s.crew(workers(1, func(w *fakeworker.Worker) { w.Delay = 20 * time.Millisecond })...)()
 	s.await(id, "merged in part", func(j job.Snapshot) bool { return j.Mutations > 0 })
 	var two *farmv1.LeaseResponse

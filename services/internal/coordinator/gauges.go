@@ -18,6 +18,7 @@ type gauges struct {
 	workers, threads                                    *prometheus.Desc
 	checkpointAge, heldBatches, heldBytes, slots        *prometheus.Desc
 	queueBytes, queuePeak, budget                       *prometheus.Desc
+	waiting, films, filmsBudget                         *prometheus.Desc
 }
 
 func newGauges(c *Coordinator) gauges {
@@ -28,20 +29,23 @@ func newGauges(c *Coordinator) gauges {
 		c:             c,
 		jobs:          desc("metrofarm_jobs", "Jobs of this coordinator by state; of those that have ended, since it started.", "state"),
 		paused:        desc("metrofarm_jobs_paused", "Jobs that have not ended and are paused."),
-		queuedSeconds: desc("metrofarm_oldest_queued_job_seconds", "How long the oldest job that no worker has looked at waits."),
-		desired: desc("metrofarm_desired_workers", "Workers that the jobs could use: for each job that has not ended "+
-			"and is not paused one, and one for every 16 segments of a whole round."),
+		queuedSeconds: desc("metrofarm_oldest_queued_job_seconds", "How long the oldest job that no worker has looked at waits. Those that wait for memory are not among them."),
+		desired: desc("metrofarm_desired_workers", "Workers that the jobs could use: for each job that has not ended, "+
+			"is not paused and does not wait for memory one, and one for every 16 segments of a whole round."),
 		tasks: desc("metrofarm_open_tasks", "Tasks that are waiting or leased."),
 		relMSE: desc("metrofarm_rel_mse", "Estimated relative mean squared error after the last round, over the jobs "+
 			"that are rendered and have an estimate; NaN if none has.", "statistic"),
 		workers:       desc("metrofarm_workers", "Workers by state.", "state"),
-		threads:       desc("metrofarm_render_threads", "Render threads of the workers that are not lost."),
+		threads:       desc("metrofarm_render_threads", "Render threads of the workers that may be counted on: not lost, draining, excluded or in quarantine."),
 		checkpointAge: desc("metrofarm_checkpoint_age_seconds", "Age of the oldest last checkpoint of a job that has merged work since; 0 if none has."),
 		heldBatches:   desc("metrofarm_held_batches", "Batches that wait for a second worker to confirm a part of them."),
 		heldBytes:     desc("metrofarm_held_bytes", "Bytes of these, packed."),
 		queueBytes:    desc("metrofarm_merge_queue_bytes", "Memory of the batches that are being read: headers, tiles packed and unpacked."),
 		queuePeak:     desc("metrofarm_merge_queue_peak_bytes", "The most memory that these and the held batches took since the start."),
 		budget:        desc("metrofarm_merge_budget_bytes", "Memory that these and the held batches may take; beyond it batches wait and leases are withheld."),
+		waiting:       desc("metrofarm_jobs_waiting_for_memory", "Jobs that are queued until there is room for their films, without those that are paused."),
+		films:         desc("metrofarm_films_bytes", "Memory that the films and chains of all jobs may take, as estimated."),
+		filmsBudget:   desc("metrofarm_films_budget_bytes", "Memory that they may take together; jobs beyond it wait. +Inf: no bound."),
 		slots:         desc("metrofarm_merge_slots", "Batches that can be unpacked at a time; more wait."),
 	}
 }
@@ -50,6 +54,7 @@ func (g *gauges) describe(out chan<- *prometheus.Desc) {
 	for _, d := range []*prometheus.Desc{
 		g.jobs, g.paused, g.queuedSeconds, g.desired, g.tasks, g.relMSE, g.workers, g.threads,
 		g.checkpointAge, g.heldBatches, g.heldBytes, g.slots, g.queueBytes, g.queuePeak, g.budget,
+		g.waiting, g.films, g.filmsBudget,
 	} {
 		out <- d
 	}
@@ -59,6 +64,7 @@ func (g *gauges) describe(out chan<- *prometheus.Desc) {
 type farmState struct {
 	states                     map[job.State]int
 	paused, tasks, desired     int
+	waiting                    int
 	heldBatches, heldBytes     int
 	queuedSeconds, oldestCheck float64
 	errors                     []float64
@@ -95,11 +101,23 @@ func (g *gauges) collect(out chan<- prometheus.Metric) {
 	gauge(g.queueBytes, float64(g.c.merging.Bytes()))
 	gauge(g.queuePeak, float64(g.c.merging.Peak()))
 	gauge(g.budget, float64(g.c.options.MergeBudget))
+	g.collectRoom(gauge, all.waiting)
 	lowest, median, highest := summarize(all.errors)
 	gauge(g.relMSE, lowest, "lowest")
 	gauge(g.relMSE, median, "median")
 	gauge(g.relMSE, highest, "highest")
 	g.collectWorkers(gauge)
+}
+
+func (g *gauges) collectRoom(gauge func(*prometheus.Desc, float64, ...string), waiting int) {
+	used, budget := g.c.room.state()
+	most := float64(budget)
+	if budget == 0 {
+		most = math.Inf(1)
+	}
+	gauge(g.waiting, float64(waiting))
+	gauge(g.films, float64(used))
+	gauge(g.filmsBudget, most)
 }
 
 // summarize returns NaN where there is nothing.
@@ -123,8 +141,14 @@ func (r *run) addTo(all *farmState, now time.Time) {
 		all.heldBatches++
 		all.heldBytes += h.bytes
 	}
+	if r.waitingForRoom() && !r.rec.Paused {
+		all.waiting++
+	}
 	switch r.rec.State {
 	case job.Queued:
+		if r.waitingForRoom() {
+			return
+		}
 		all.queuedSeconds = max(all.queuedSeconds, now.Sub(r.rec.CreatedAt).Seconds())
 	case job.Rendering:
 		if r.dirty && !r.lastCheckpoint.IsZero() {
@@ -141,19 +165,19 @@ func (r *run) addTo(all *farmState, now time.Time) {
 
 // wantedWorkers is what the job adds to the number that a scaler is told. Requires: mu.
 func (r *run) wantedWorkers() int {
-	s := job.Snapshot{State: r.rec.State, Paused: r.rec.Paused}
+	s := job.Snapshot{State: r.rec.State, Paused: r.rec.Paused, WaitingForMemory: r.waitingForRoom()}
 	r.describePhase(&s)
 	return s.WantedWorkers()
 }
 
 func (g *gauges) collectWorkers(gauge func(*prometheus.Desc, float64, ...string)) {
 	held := g.c.heldByWorker()
-	counts := map[string]int{"idle": 0, "busy": 0, "draining": 0, "lost": 0}
+	counts := map[string]int{"idle": 0, "busy": 0, "quarantined": 0, "draining": 0, "lost": 0}
 	threads := 0
 	g.c.mu.Lock()
 	for _, w := range g.c.workers {
 		counts[g.c.workerView(w, held[w.id]).State]++
-		if !g.c.lost(w) {
+		if g.c.renders(w) {
 			threads += w.threads
 		}
 	}

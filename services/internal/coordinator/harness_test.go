@@ -40,6 +40,7 @@ type site struct {
 	address string
 	tune    func(*coordinator.Options)
 	shared  store.Store // instead of one in dir
+	gate    *gate       // before the blobs; nil: none
 
 	c      *coordinator.Coordinator
 	db     store.Store
@@ -64,7 +65,10 @@ func (s *site) start() {
 	}
 	backend, err := dir.Open(filepath.Join(s.dir, "blobs"))
 	s.check(err)
-	s.blobs = blob.New(backend)
+	if s.blobs = blob.New(backend); s.gate != nil {
+		s.gate.Backend = backend
+		s.blobs = blob.New(s.gate)
+	}
 	logger := slog.New(slog.DiscardHandler)
 	if testing.Verbose() && os.Getenv("METROFARM_TEST_LOG") != "" {
 		logger = slog.New(slog.NewTextHandler(os.Stderr, &slog.HandlerOptions{Level: slog.LevelDebug}))

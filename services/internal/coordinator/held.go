@@ -19,10 +19,12 @@ type segmentKey struct{ round, segment int }
 // after a restart its segments are rendered again, to the same bits.
 type heldBatch struct {
 	worker string
-	batch  *merge.Batch // packed
-	bytes  int
-	since  time.Time // of the hold, or of the latest dispute
-	cases  map[segmentKey]*check.Case
+	// counted: it stands for a segment that was merged before somebody contradicted it (contest.go).
+	counted bool
+	batch   *merge.Batch // packed
+	bytes   int
+	since   time.Time // of the hold, or of the latest dispute
+	cases   map[segmentKey]*check.Case
 }
 
 func (h *heldBatch) mark(key segmentKey) round.Mark {
@@ -46,6 +48,10 @@ type checks struct {
 	proven map[segmentKey]round.Mark // two workers rendered this; of rounds that are not closed
 	// suspects disagreed when the job was paused for it; nothing of them is taken until it goes on.
 	suspects map[string]bool
+	// by tells of the segments of open rounds, and of the one closed last, on whose word they were counted.
+	by map[segmentKey]countedBy
+	// doubted disagreed, and nobody decided: all that they deliver is checked, until a batch is confirmed.
+	doubted map[string]bool
 	// unchecked counts segments by the worker on whose word alone they were counted.
 	unchecked map[string]int
 }
@@ -54,6 +60,7 @@ func newChecks() checks {
 	return checks{
 		of: make(map[segmentKey]*heldBatch), proven: make(map[segmentKey]round.Mark),
 		suspects: make(map[string]bool), unchecked: make(map[string]int),
+		by: make(map[segmentKey]countedBy), doubted: make(map[string]bool),
 	}
 }
 
@@ -96,7 +103,7 @@ func (r *run) toCheck(w worker, batch *merge.Batch) []segmentKey {
 	for _, s := range batch.Segments {
 		key := segmentKey{batch.Round, s.Segment}
 		_, proven := r.checks.proven[key]
-		if !proven && check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment) {
+		if !proven && (r.checks.doubted[w.id] || check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment)) {
 			selected = append(selected, key)
 		}
 	}
@@ -153,6 +160,10 @@ func (r *run) settle(h *heldBatch) {
 		return
 	}
 	r.unhold(h)
+	if h.counted {
+		r.uphold()
+		return
+	}
 	verdict, err := r.state.Judge(h.batch)
 	if err == nil && verdict == round.Fresh {
 		err = h.batch.Unpack(r.c.codec, plan.Shape(r.spec))
@@ -166,11 +177,22 @@ func (r *run) settle(h *heldBatch) {
 
 // drop gives a held batch up; its segments are leased again. Requires: mu.
 func (r *run) drop(h *heldBatch) {
+	switch {
+	case !slices.Contains(r.checks.held, h): // gone with another one
+	case h.counted:
+		r.unwind(h)
+	default:
+		r.forget(h)
+		r.reopen(h)
+	}
+}
+
+// forget gives a held batch up that is not wanted any more. Requires: mu.
+func (r *run) forget(h *heldBatch) {
 	for key := range h.cases {
 		r.closeCase(h, key)
 	}
 	r.unhold(h)
-	r.reopen(h)
 }
 
 func (r *run) unhold(h *heldBatch) {
@@ -193,9 +215,12 @@ func (r *run) count(batch *merge.Batch, workerID string) {
 	var mutations uint64
 	for _, s := range batch.Segments {
 		mutations += s.Counts.Mutations
-		if _, proven := r.checks.proven[segmentKey{batch.Round, s.Segment}]; !proven {
+		key := segmentKey{batch.Round, s.Segment}
+		_, proven := r.checks.proven[key]
+		if !proven {
 			r.checks.unchecked[workerID]++
 		}
+		r.checks.by[key] = countedBy{workerID, !proven}
 		// Close by segment, not by the reported lease: whoever holds the task, it is done.
 		r.closeTask(r.segmentTask(batch.Round, s.Segment))
 		if batch.Round == r.state.Closed {

@@ -1,34 +1,17 @@
 package coordinator
 
 import (
-	"context"
 	"fmt"
-	"io"
 	"maps"
 	"slices"
 	"strings"
 	"time"
 
-	"metrofarm/services/internal/blob"
-	"metrofarm/services/internal/checkpoint"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/render"
 	"metrofarm/services/internal/round"
 	"metrofarm/services/internal/tally"
 )
-
-// checkpointShare is the reciprocal of the time that checkpoints may take while a job goes on; with the
-// one at its end all of them stay below one hundredth.
-const checkpointShare = 200
-
-// blobTimeout bounds one transfer of a checkpoint.
-const blobTimeout = 5 * time.Minute
-
-// blobContext is for transfers that end with no caller: the last checkpoints are written when all
-// else has been canceled.
-func blobContext() (context.Context, context.CancelFunc) {
-	return context.WithTimeout(context.Background(), blobTimeout)
-}
 
 // housekeep does for every job what no call from outside does. It runs in one goroutine.
 func (c *Coordinator) housekeep() {
@@ -43,12 +26,10 @@ func (c *Coordinator) housekeep() {
 		}
 		r.tick()
 		r.closeRound()
-		if r.checkpointDue(false) {
-			r.checkpoint()
-		}
-		r.sweep()
+		r.keep()
 		r.retire()
 	}
+	c.letIn()
 }
 
 // tick looks at the clock.
@@ -81,7 +62,7 @@ func (r *run) publishProgress() {
 // the last. The film-sized work happens on a snapshot: deliveries to the next round go on.
 func (r *run) closeRound() {
 	for {
-		snapshot := r.completeSnapshot()
+		snapshot, unwound := r.completeSnapshot()
 		if snapshot == nil {
 			return
 		}
@@ -94,7 +75,7 @@ func (r *run) closeRound() {
 			r.failWith(err)
 			return
 		}
-		r.adopt(snapshot, point)
+		r.adopt(snapshot, unwound, point)
 		r.c.announce()
 	}
 }
@@ -107,19 +88,22 @@ func (r *run) failWith(err error) {
 	}
 }
 
-func (r *run) completeSnapshot() *render.State {
+// completeSnapshot returns the state if its first open round is complete and undisputed, and how often open
+// rounds were thrown away by then.
+func (r *run) completeSnapshot() (snapshot *render.State, unwound uint64) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() || !r.mayAct() {
-		return nil
+	if r.rec.State != job.Rendering || r.finishing != nil || !r.state.Complete() || r.contested() || !r.mayAct() {
+		return nil, 0
 	}
-	return r.state.Snapshot()
+	return r.state.Snapshot(), r.rec.Unwound
 }
 
-func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
+func (r *run) adopt(folded *render.State, unwound uint64, point job.ConvergencePoint) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.rec.State != job.Rendering || !r.mayAct() { // canceled, or lost, meanwhile
+	// Meanwhile it may have been canceled or lost, or a worker may have contradicted what was counted.
+	if r.rec.State != job.Rendering || !r.mayAct() || r.contested() || r.rec.Unwound != unwound {
 		return
 	}
 	point.WallSeconds = r.wallSeconds()
@@ -130,6 +114,7 @@ func (r *run) adopt(folded *render.State, point job.ConvergencePoint) {
 	r.state.Adopt(folded)
 	r.dirty = true
 	maps.DeleteFunc(r.checks.proven, func(key segmentKey, _ round.Mark) bool { return key.round < r.state.Closed })
+	maps.DeleteFunc(r.checks.by, func(key segmentKey, _ countedBy) bool { return key.round < r.state.Closed-1 })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
 	r.warnOfTrapped(&r.state.Account.Counts)
 	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)
@@ -179,108 +164,4 @@ func relErrors(points []job.ConvergencePoint) []float64 {
 		}
 	}
 	return errors
-}
-
-// checkpointDue tells whether a checkpoint should be written now: at the end of a job, when the
-// last one has paid for itself, or when the coordinator leaves and there is something to keep.
-func (r *run) checkpointDue(leaving bool) bool {
-	r.mu.Lock()
-	defer r.mu.Unlock()
-	if r.state == nil || !r.mayAct() || r.c.options.Now().Before(r.retryAt) && !leaving {
-		return false
-	}
-	if r.finishing != nil || r.rec.State.Ended() || leaving {
-		return r.dirty || r.finishing != nil
-	}
-	interval := min(max(checkpointShare*r.checkpointCost, r.c.options.CheckpointMin), r.c.options.CheckpointMax)
-	return r.dirty && r.c.options.Now().Sub(r.lastCheckpoint) >= interval
-}
-
-// checkpoint writes the job's progress to a new blob, then swings the pointer to it. A job that has
-// reached its last round becomes Done with that same step.
-func (r *run) checkpoint() {
-	start := time.Now()
-	written := &meteredWriter{bytes: r.c.metrics.checkpointBytes}
-	c, name := r.checkpointSnapshot()
-	if c.State == nil {
-		return
-	}
-	ctx, cancel := blobContext()
-	defer cancel()
-	err := r.c.options.Blobs.WriteBlob(ctx, name, func(w io.Writer) error {
-		written.Writer, written.count = w, 0
-		return checkpoint.Write(written, c)
-	})
-	if err != nil {
-		// The job goes on: it can be rendered again from the last checkpoint that was written.
-		r.c.metrics.checkpointFailures.Inc()
-		r.c.log.Error("checkpoint failed", "job", r.id, "error", err)
-		r.mu.Lock()
-		r.noteFailedCheckpoint(err)
-		r.dirty = true
-		r.retryAt = r.c.options.Now().Add(r.c.options.CheckpointMin)
-		r.mu.Unlock()
-		return
-	}
-	cost := time.Since(start)
-	r.c.metrics.checkpointSeconds.Observe(cost.Seconds())
-	r.swing(name, cost, written.count)
-}
-
-func (r *run) checkpointSnapshot() (checkpoint.Checkpoint, string) {
-	r.mu.Lock()
-	defer r.mu.Unlock()
-	if r.state == nil || !r.mayAct() {
-		return checkpoint.Checkpoint{}, ""
-	}
-	r.dirty = false
-	r.rec.Checkpoints++
-	extra := r.extra
-	extra.WallSeconds = r.wallSeconds()
-	return checkpoint.Checkpoint{State: r.state.Snapshot(), Extra: extra}, r.checkpointName()
-}
-
-// swing makes a written checkpoint the one to resume from. The one before is garbage once that is
-// stored.
-func (r *run) swing(name string, cost time.Duration, bytes int) {
-	r.mu.Lock()
-	defer r.mu.Unlock()
-	if r.gone.Load() {
-		return
-	}
-	if r.rec.Checkpoint != "" {
-		r.garbage = append(r.garbage, r.rec.Checkpoint)
-	}
-	r.rec.Checkpoint = name
-	r.checkpointCost = cost
-	r.lastCheckpoint = r.c.options.Now()
-	r.noteCheckpoint(bytes, cost)
-	if d := r.finishing; d != nil && r.rec.State == job.Rendering {
-		r.finishing = nil
-		r.rec.StopReason = d.Reason
-		r.setState(job.Done, d.Reason)
-	}
-	r.save()
-}
-
-// sweep deletes what the stored record does not name any more.
-func (r *run) sweep() {
-	r.mu.Lock()
-	var garbage []string
-	if r.mayAct() {
-		garbage, r.garbage = r.garbage, nil
-	}
-	r.mu.Unlock()
-	r.c.discard(garbage)
-}
-
-// discard deletes checkpoints that nobody needs. What it misses is swept later.
-func (c *Coordinator) discard(names []string) {
-	for _, name := range names {
-		ctx, cancel := blobContext()
-		if err := c.options.Blobs.Delete(ctx, blob.Named, name); err != nil {
-			c.log.Warn("old checkpoint stays until it is swept", "blob", name, "error", err)
-		}
-		cancel()
-	}
 }

@@ -18,6 +18,13 @@ func (c *Coordinator) Image(ctx context.Context, id string) (job.Image, error) {
 	// One development of a job at a time: the others then find it done.
 	r.imageMu.Lock()
 	defer r.imageMu.Unlock()
+	if film, stored := r.storedFilm(); stored { // it is read, and kept until it is developed
+		done, err := c.readers.enter(ctx, r.id, film, c.options.ReadPatience)
+		if err != nil {
+			return job.Image{}, err
+		}
+		defer done()
+	}
 	state, image, err := r.imageSource(ctx)
 	if err != nil || state == nil {
 		return image, err
@@ -25,6 +32,13 @@ func (c *Coordinator) Image(ctx context.Context, id string) (job.Image, error) {
 	r.developInto(&image, state)
 	r.keepImage(&image)
 	return image, nil
+}
+
+// storedFilm is what a film takes that is only in a checkpoint.
+func (r *run) storedFilm() (bytes int64, stored bool) {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	return r.rec.FilmBytes, r.state == nil && !r.loading && r.rec.Checkpoint != ""
 }
 
 // imageSource returns the film to develop and the image's attributes, or no film and the image that

@@ -2,6 +2,7 @@ package coordinator_test
 
 import (
 	"context"
+	"errors"
 	"sync/atomic"
 	"time"
 
@@ -17,6 +18,17 @@ type line struct {
 	// one.
 	frozen atomic.Bool
 	writes atomic.Int64 // updates that were made
+	// silent: who the members are, and what their users used, cannot be read.
+	silent atomic.Bool
+}
+
+var errSilent = errors.New("a record that nobody can read")
+
+func (l *line) Members(ctx context.Context) ([]store.Member, error) {
+	if l.silent.Load() {
+		return nil, errSilent
+	}
+	return l.Store.Members(ctx)
 }
 
 func (l *line) state() error {

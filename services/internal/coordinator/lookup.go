@@ -46,6 +46,9 @@ func (c *Coordinator) stored(rec store.Record) *run {
 	r.gone.Store(true)
 	// Nothing more happens to a job that has ended. Readers of others must look for its owner.
 	r.events.closed = !rec.State.Ended()
+	if c.room.strangeTo(rec.ID) {
+		r.activity = r.waitsForRoom()
+	}
 	return r
 }
 

@@ -27,10 +27,7 @@ func (r *run) note(message string, attributes ...slog.Attr) {
 }
 
 // noteCheckpoint requires: mu.
-func (r *run) noteCheckpoint(bytes int, cost time.Duration) {
-	if r.state == nil { // being deleted
-		return
-	}
+func (r *run) noteCheckpoint(d draft, bytes int, cost time.Duration) {
 	n := &r.noted
 	n.written++
 	now := r.c.options.Now()
@@ -38,7 +35,7 @@ func (r *run) noteCheckpoint(bytes int, cost time.Duration) {
 	if !n.at.IsZero() && now.Sub(n.at) < checkpointPace && !n.failed && !last {
 		return
 	}
-	r.note("checkpoint", slog.Uint64("number", r.rec.Checkpoints), slog.Int("round", r.state.Closed), slog.Int("bytes", bytes),
+	r.note("checkpoint", slog.Uint64("number", r.rec.Checkpoints), slog.Int("round", d.State.Closed), slog.Int("bytes", bytes),
 		slog.Float64("seconds", cost.Seconds()), slog.Int("written_since_last_line", n.written))
 	*n = notedCheckpoints{at: now}
 }

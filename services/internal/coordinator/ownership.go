@@ -26,7 +26,8 @@ import (
 // it cannot store. If nobody has taken its jobs when the store is back it goes on where it was.
 //
 // Jobs that have ended, once all of them is stored, are nobody's: any coordinator shows them from the
-// store, and acquires them to delete them.
+// store, and acquires them to delete them or to let them go on. The store keeps a list of that, at which
+// all of them look as often as for jobs without owner: who follows such a job, or lists it, is told.
 
 const (
 	beatsPerTTL = 3
@@ -65,9 +66,6 @@ func (c *Coordinator) beat(ctx context.Context) error {
 	if err != nil {
 		return err
 	}
-	if err := c.hearOfUsage(ctx); err != nil {
-		return err
-	}
 	for _, id := range lost {
 		if r := c.running(id); r != nil && r.epoch == held[id] {
 			c.lose(r)
@@ -81,6 +79,7 @@ func (c *Coordinator) beat(ctx context.Context) error {
 		c.wake()
 		c.announce()
 	}
+	c.hearOfUsage(ctx)
 	return nil
 }
 
@@ -93,11 +92,14 @@ func (c *Coordinator) presence() store.Member {
 	return m
 }
 
-// hearOfUsage takes in what others say that users used.
-func (c *Coordinator) hearOfUsage(ctx context.Context) error {
+// hearOfUsage takes in what others say that users used. Without it the queue goes by what they said last,
+// which is no reason to stop anything.
+func (c *Coordinator) hearOfUsage(ctx context.Context) {
 	members, err := c.options.Store.Members(ctx)
 	if err != nil {
-		return err
+		c.metrics.storeErrors.Inc()
+		c.log.Warn("what users used at other coordinators is not known; their shares go by what was said last", "error", err)
+		return
 	}
 	var said []map[string]float64
 	for _, m := range members {
@@ -108,7 +110,6 @@ func (c *Coordinator) hearOfUsage(ctx context.Context) error {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	c.usage.Elsewhere(c.options.Now(), said...)
-	return nil
 }
 
 // held lists the owned jobs with their epochs.
@@ -153,6 +154,7 @@ func (c *Coordinator) lose(r *run) {
 // drop forgets a job without touching what is stored.
 func (c *Coordinator) drop(r *run) {
 	r.gone.Store(true)
+	r.cancelTransfer()
 	c.mu.Lock()
 	c.remove(r)
 	c.moved = append(c.moved, r)
@@ -166,6 +168,7 @@ func (c *Coordinator) remove(r *run) {
 		delete(c.jobs, r.id)
 	}
 	c.order = slices.DeleteFunc(c.order, func(o *run) bool { return o == r })
+	c.room.remove(r)
 }
 
 // insert makes a job one that this coordinator owns.
@@ -192,10 +195,11 @@ func (c *Coordinator) endLostStreams() {
 	}
 }
 
-// takeJobs takes over jobs without owner until ctx ends.
+// takeJobs takes over jobs without owner, and hears of those that want none, until ctx ends.
 func (c *Coordinator) takeJobs(ctx context.Context) {
+	defer c.reading.Wait()
 	for {
-		if err := c.takeWaiting(ctx); err != nil && ctx.Err() == nil {
+		if err := errors.Join(c.hearOfChanges(ctx), c.takeWaiting(ctx)); err != nil && ctx.Err() == nil {
 			c.trouble(err)
 		}
 		select {
@@ -211,13 +215,20 @@ func (c *Coordinator) takeWaiting(ctx context.Context) error {
 	if err != nil {
 		return err
 	}
-	// Each begins with another job, so that several coordinators share them.
+	// Each begins with another job and takes its share, so that several coordinators share them.
+	share := c.shareOf(ctx, len(ids))
 	rand.Shuffle(len(ids), func(i, j int) { ids[i], ids[j] = ids[j], ids[i] })
+	c.room.keep(ids)
 	for _, id := range ids {
-		if ctx.Err() != nil {
+		if ctx.Err() != nil || share == 0 {
 			return nil
 		}
 		if c.running(id) != nil { // its beat is late
+			continue
+		}
+		if takes, err := c.hasRoomFor(ctx, id); err != nil {
+			return err
+		} else if !takes {
 			continue
 		}
 		rec, epoch, err := c.options.Store.Acquire(ctx, c.claim(), id)
@@ -227,25 +238,44 @@ func (c *Coordinator) takeWaiting(ctx context.Context) error {
 			return err
 		default:
 			c.take(ctx, c.newRun(rec, epoch))
+			share--
 		}
 	}
 	return nil
 }
 
+// shareOf is how many of so many jobs without owner this coordinator takes before it looks again.
+func (c *Coordinator) shareOf(ctx context.Context, jobs int) int {
+	if jobs <= 1 {
+		return jobs
+	}
+	members, err := c.options.Store.Members(ctx)
+	if err != nil || len(members) == 0 {
+		return jobs
+	}
+	return (jobs + len(members) - 1) / len(members)
+}
+
 // take goes on with a job that was acquired. It is owned at once, as its lease must be renewed; its
-// checkpoint is read without a lock, as that can take long. Until then the job is like one that waits.
+// checkpoint is read in a goroutine, as that can take long. Until then the job is like one that waits.
 func (c *Coordinator) take(ctx context.Context, r *run) {
-	defer c.announce()
 	c.log.Info("job taken over", "job", r.id, "state", string(r.rec.State), "epoch", r.epoch)
 	c.metrics.taken.Inc()
 	if r.rec.State.Ended() {
 		c.insert(r) // housekeeping retires it
 		return
 	}
+	c.room.force(r, r.rec.FilmBytes)
 	rec := r.rec
 	r.loading, r.rec.State, r.activity = true, job.Queued, "reading its checkpoint"
 	c.insert(r)
-	saved, err := c.readCheckpoint(ctx, rec)
+	c.reading.Go(func() { c.goOn(ctx, r, rec) })
+}
+
+// goOn reads the checkpoint of a job and lets it go on from there.
+func (c *Coordinator) goOn(ctx context.Context, r *run, rec store.Record) {
+	defer c.announce()
+	saved, err := c.readInTurn(ctx, rec)
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	if r.gone.Load() {
@@ -256,6 +286,11 @@ func (c *Coordinator) take(ctx context.Context, r *run) {
 		// Its checkpoint may be there later, or another coordinator may reach it.
 		c.log.Error("job cannot be taken over now", "job", r.id, "error", err)
 		c.drop(r)
+		return
+	}
+	if r.state != nil {
+		c.room.force(r, r.rec.FilmBytes) // records of earlier versions do not tell
+		r.leaveRoomIfGone()
 	}
 }
 
@@ -267,7 +302,8 @@ func unusable(err error) bool {
 // retire gives up a job that has ended and is stored with all that belongs to it.
 func (r *run) retire() {
 	r.mu.Lock()
-	retired := r.rec.State.Ended() && r.mayAct() && !r.dirty && len(r.events.unsaved) == 0 && len(r.garbage) == 0
+	retired := r.rec.State.Ended() && r.mayAct() && !r.dirty && len(r.events.unsaved) == 0 && len(r.garbage) == 0 &&
+		r.transfer.Load() == nil
 	if retired {
 		r.gone.Store(true)
 		r.state, r.image, r.finishing = nil, nil, nil
@@ -287,7 +323,22 @@ func (r *run) retire() {
 	r.closeStreams()
 }
 
-// leave gives the jobs to the other coordinators.
+// handOver gives a job to the other coordinators.
+func (c *Coordinator) handOver(r *run) {
+	if r.gone.Swap(true) {
+		return
+	}
+	c.mu.Lock()
+	c.remove(r)
+	c.mu.Unlock()
+	ctx, cancel := context.WithTimeout(context.Background(), leaveTimeout)
+	defer cancel()
+	if err := c.options.Store.Release(ctx, r.epoch, r.id); err != nil {
+		c.log.Warn("job is taken over when its lease has run out", "job", r.id, "error", err)
+	}
+}
+
+// leave ends the membership, and gives the jobs that are left to the other coordinators.
 func (c *Coordinator) leave() {
 	held := c.held()
 	for _, r := range c.runs() {

@@ -78,18 +78,27 @@ func (r *run) inspected(task string, report *scenev1.SceneReport) error {
 		r.end(job.Done, "the scene was only to be inspected")
 		return nil
 	}
-	if !plan.RunsChains(spec) && spec.GetUnit() > 0 {
-		r.startRendering([film.Halves]tally.Sums{}, nil)
-	} else {
-		r.startSampling()
-		r.setState(job.Bootstrapping, "")
-	}
+	r.whenThereIsRoom(r.leaveInspection)
 	r.save()
 	return nil
 }
 
+// leaveInspection starts the phase after it. Requires: mu.
+func (r *run) leaveInspection() {
+	if !plan.RunsChains(r.spec) && r.spec.GetUnit() > 0 {
+		r.startRendering([film.Halves]tally.Sums{}, nil)
+		return
+	}
+	r.startSampling()
+	r.setState(job.Bootstrapping, "")
+}
+
 // sampled takes the values of one bootstrap range. Requires: mu.
-func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResult) error {
+func (r *run) sampled(w worker, l *farmv1.LeaseRef, part plan.Range, result *farmv1.BootstrapResult) error {
+	cpu, err := r.cpuTime(w, result.GetCpuSeconds(), l)
+	if err != nil {
+		return err
+	}
 	if result.GetFirstIndex() != part.First || len(result.GetValues()) != int(part.Count) {
 		return &malformedError{fmt.Sprintf("%d values from index %d, not %d from %d",
 			len(result.GetValues()), result.GetFirstIndex(), part.Count, part.First)}
@@ -105,10 +114,10 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 			return &malformedError{err.Error()}
 		}
 	}
-	r.closeTask(task)
+	r.closeTask(l.GetTaskId())
 	r.extra.BootstrapEvaluations += uint64(part.Count)
 	r.extra.BootstrapRays += result.GetRays()
-	r.chargeBootstrap(result.GetCpuSeconds())
+	r.chargeBootstrap(cpu)
 	for kind, n := range result.GetAnomalyCounts() {
 		r.extra.BootstrapAnomalies[kind] += n
 	}
@@ -121,10 +130,8 @@ func (r *run) sampled(task string, part plan.Range, result *farmv1.BootstrapResu
 
 // chargeBootstrap counts the CPU time of a task before rendering. Requires: mu.
 func (r *run) chargeBootstrap(seconds float64) {
-	if seconds >= 0 && !math.IsInf(seconds, 0) {
-		r.extra.BootstrapCPUSeconds += seconds
-		r.charge(seconds, 1)
-	}
+	r.extra.BootstrapCPUSeconds += seconds
+	r.charge(seconds, 1)
 }
 
 // startRendering opens the first rounds. Requires: mu; the spec has its unit.

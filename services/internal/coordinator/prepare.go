@@ -136,7 +136,13 @@ func (r *run) decide() {
 		r.warn(text)
 	}
 	r.publish("state", fmt.Sprintf("integrator %s: %s", request.Integrator, decision.GetReason()), nil)
-	r.startSampling()
+	r.clearTasks()
+	r.whenThereIsRoom(func() { // its film may have more layers than the pilot's
+		if r.rec.State == job.Queued {
+			r.setState(job.Bootstrapping, "")
+		}
+		r.startSampling()
+	})
 	r.save()
 }
 
@@ -238,10 +244,14 @@ func (r *run) trialsTask() *farmv1.KernelTrialsTask {
 }
 
 // tried takes the counts of the kernels and goes on to rendering. Requires: mu.
-func (r *run) tried(task string, result *farmv1.KernelTrialsResult) error {
+func (r *run) tried(w worker, l *farmv1.LeaseRef, result *farmv1.KernelTrialsResult) error {
 	kernels, _ := plan.TrialKernels(r.spec)
 	if len(result.GetTrials()) != len(kernels) {
 		return &malformedError{fmt.Sprintf("%d trials of %d kernels", len(result.GetTrials()), len(kernels))}
+	}
+	cpu, err := r.cpuTime(w, result.GetCpuSeconds(), l)
+	if err != nil {
+		return err
 	}
 	for _, t := range result.GetTrials() {
 		if t.GetSmallAccepted() > t.GetSmallSteps() || t.GetSmallSteps() > t.GetMutations() {
@@ -250,8 +260,8 @@ func (r *run) tried(task string, result *farmv1.KernelTrialsResult) error {
 		r.extra.BootstrapEvaluations += t.GetPathEvaluations()
 		r.extra.BootstrapRays += t.GetRays()
 	}
-	r.chargeBootstrap(result.GetCpuSeconds())
-	r.closeTask(task)
+	r.chargeBootstrap(cpu)
+	r.closeTask(l.GetTaskId())
 	spec := proto.CloneOf(r.spec)
 	plan.SetKernel(spec, result.GetTrials())
 	r.spec = spec

@@ -6,6 +6,7 @@ import (
 	"testing"
 	"time"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/coordinator"
@@ -44,6 +45,7 @@ func (h *hand) leasesOf(n int) (ids []string) {
 func (h *hand) report(task *farmv1.Task, in *farmv1.ReportRequest) {
 	h.t.Helper()
 	in.WorkerId, in.Lease = h.id, leaseOf(task)
+	in.Checksum = checksum.Of(in)
 	answer, err := h.c.Report(h.t.Context(), in)
 	if err != nil || answer.GetOutcome() != farmv1.Outcome_OUTCOME_COMMITTED {
 		h.t.Fatalf("answer %v, error %v", answer, err)

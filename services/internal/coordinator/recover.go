@@ -58,7 +58,24 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	if r.rec.Refinements > 0 && !r.extend() {
 		return fmt.Errorf("%w: it has more rounds than the job asks for", checkpoint.ErrCorrupt)
 	}
+	if number := r.rec.Contested; number != nil {
+		r.discardFrom(*number)
+	}
+	r.rec.FilmBytes = r.needs()
 	return nil
+}
+
+// readInTurn is readCheckpoint for few at a time. A job without checkpoint waits for none.
+func (c *Coordinator) readInTurn(ctx context.Context, rec store.Record) (checkpoint.Checkpoint, error) {
+	if rec.Checkpoint != "" {
+		select {
+		case c.reads <- struct{}{}:
+		case <-ctx.Done():
+			return checkpoint.Checkpoint{}, ctx.Err()
+		}
+		defer func() { <-c.reads }()
+	}
+	return c.readCheckpoint(ctx, rec)
 }
 
 // readCheckpoint returns the zero Checkpoint if the job has none.

@@ -43,6 +43,11 @@ func (c *Coordinator) Refine(ctx context.Context, id string, stop job.StopRules)
 	if err != nil {
 		return job.Snapshot{}, err
 	}
+	done, err := c.readers.enter(ctx, r.id, r.rec.FilmBytes, c.options.ReadPatience)
+	if err != nil {
+		return job.Snapshot{}, err
+	}
+	defer done()
 	saved, err := c.readCheckpoint(ctx, r.rec)
 	switch {
 	case unusable(err):
@@ -179,8 +184,12 @@ func notMore(stop job.StopRules, reason, done string) error {
 func (c *Coordinator) reopen(ctx context.Context, r *run) (job.Snapshot, error) {
 	c.endedMu.Lock()
 	defer c.endedMu.Unlock()
+	if !c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes) {
+		return job.Snapshot{}, fmt.Errorf("job %s is %s: %w", r.id, r.waitsForRoom(), job.ErrUnavailable)
+	}
 	epoch, err := c.acquireEnded(ctx, &r.rec)
 	if err != nil {
+		c.room.remove(r)
 		return job.Snapshot{}, fmt.Errorf("refine: %w", err)
 	}
 	r.epoch = epoch

@@ -3,6 +3,7 @@ package coordinator_test
 import (
 	"context"
 	"errors"
+	"fmt"
 	"strings"
 	"testing"
 	"time"
@@ -11,30 +12,47 @@ import (
 	"metrofarm/services/internal/job"
 )
 
+func failing() fakeworker.Fault { return fakeworker.Failing }
+
+// However many workers there are, a task that none of them can do ends its job, with the evidence.
 func TestPoisonedTaskFailsTheJob(t *testing.T) {
-	s := newSite(t)
-	s.start()
-	defer s.stop()
-	// Every worker forges every batch: no task can ever be counted.
-	defer s.crew(workers(3, func(w *fakeworker.Worker) {
-		w.Fault = func() fakeworker.Fault { return fakeworker.Truncated }
-	})...)()
-	id := s.submit(chainsRequest(20))
-	failed := s.await(id, "failed", func(j job.Snapshot) bool { return j.State.Ended() })
-	if failed.State != job.Failed || strings.Count(failed.Error, "(w-") != 3 || !strings.Contains(failed.Error, "announced") {
-		t.Errorf("%s: %q", failed.State, failed.Error)
+	for n := 1; n <= 3; n++ {
+		t.Run(fmt.Sprint(n, " workers"), func(t *testing.T) {
+			t.Parallel()
+			s := newSite(t)
+			s.start()
+			defer s.stop()
+			defer s.crew(workers(n, func(w *fakeworker.Worker) { w.Fault = failing })...)()
+			s.awaitWorkers(n)
+			id := s.submit(chainsRequest(20))
+			failed := s.await(id, "failed", func(j job.Snapshot) bool { return j.State.Ended() })
+			if failed.State != job.Failed || strings.Count(failed.Error, "(w-") != n ||
+				!strings.Contains(failed.Error, "it failed 3 time(s)") || !strings.Contains(failed.Error, "no such task") {
+				t.Errorf("%s: %q", failed.State, failed.Error)
+			}
+		})
 	}
 }
 
-func TestOnlyWorkerThatKeepsFailingFailsTheJob(t *testing.T) {
-	s := newSite(t)
-	s.start()
-	defer s.stop()
-	defer s.crew(workers(1, func(w *fakeworker.Worker) {
-		w.Fault = func() fakeworker.Fault { return fakeworker.Truncated }
-	})...)()
-	id := s.submit(chainsRequest(20))
-	if failed := s.await(id, "failed", func(j job.Snapshot) bool { return j.State.Ended() }); failed.State != job.Failed {
+// A task that failed once on each of two workers is offered again: nobody waits for a third.
+func TestATaskThatBothWorkersFailedIsOfferedAgain(t *testing.T) {
+	s := patientSite(t)
+	a, b := newHand(t, s.c, "a"), newHand(t, s.c, "b")
+	id := s.submit(pathRequest(1))
+	a.fail(a.lease()[0])
+	if again := a.lease(); len(again) != 0 {
+		t.Fatalf("a gets %v again before b has tried", again)
+	}
+	b.fail(b.lease()[0])
+	again := a.lease()
+	if len(again) != 1 {
+		t.Fatal("the task waits for a third worker")
+	}
+	if state := s.job(id).State; state.Ended() {
+		t.Errorf("%s after one failure of each", state)
+	}
+	a.fail(again[0])
+	if failed := s.job(id); failed.State != job.Failed || !strings.Contains(failed.Error, "it failed 3 time(s), on a (w-") {
 		t.Errorf("%s: %q", failed.State, failed.Error)
 	}
 }

@@ -50,6 +50,14 @@ func (h *hand) release(leaving bool, tasks ...*farmv1.Task) {
 	}
 }
 
+// fail reports that the task cannot be done.
+func (h *hand) fail(task *farmv1.Task) {
+	h.t.Helper()
+	h.report(task, &farmv1.ReportRequest{Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
+		Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: "by hand",
+	}}})
+}
+
 // patientSite grants leases that outlast the test.
 func patientSite(t *testing.T) *site {
 	t.Helper()

@@ -7,6 +7,7 @@ import (
 	"log/slog"
 	"strings"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	"metrofarm/services/internal/job"
 )
@@ -16,6 +17,9 @@ func (c *Coordinator) Report(_ context.Context, in *farmv1.ReportRequest) (*farm
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
+	}
+	if damage := checksum.Check(in); damage != nil {
+		return c.refuse(w, in, damage), nil
 	}
 	r := c.runOfTask(in.GetLease().GetTaskId())
 	if r == nil {
@@ -61,11 +65,11 @@ func (r *run) takeReport(w worker, in *farmv1.ReportRequest) error {
 		}
 	case *farmv1.ReportRequest_Bootstrap:
 		if key.phase == job.Bootstrapping && r.stage != stageTrials {
-			return r.sampled(in.GetLease().GetTaskId(), key.first, result.Bootstrap)
+			return r.sampled(w, in.GetLease(), key.first, result.Bootstrap)
 		}
 	case *farmv1.ReportRequest_KernelTrials:
 		if key.phase == job.Bootstrapping && r.stage == stageTrials {
-			return r.tried(in.GetLease().GetTaskId(), result.KernelTrials)
+			return r.tried(w, in.GetLease(), result.KernelTrials)
 		}
 	}
 	return &malformedError{"the result does not fit the task"}
@@ -94,14 +98,13 @@ func (r *run) blame(l *farmv1.LeaseRef, w worker, evidence string) {
 
 // endIfPoisoned requires: mu.
 func (r *run) endIfPoisoned() {
-	alone := r.c.liveWorkers(r.spec.GetWorkerVersion()) <= 1
-	p, poisoned := r.table.Poisoned(alone)
+	p, poisoned := r.table.Poisoned(r.eligible())
 	if !poisoned {
 		return
 	}
 	text := fmt.Sprintf("task %s cannot be rendered:", p.Task)
 	if len(p.Failed) > 0 {
-		text += fmt.Sprintf(" it failed on %s, and the last said: %s", r.c.describeAll(p.Failed), p.Evidence)
+		text += fmt.Sprintf(" it failed %d time(s), on %s, and the last said: %s", p.Failures, r.c.describeAll(p.Failed), p.Evidence)
 	}
 	if len(p.Lost) > 0 {
 		text += fmt.Sprintf(" it was lost with %s, not heard of since", r.c.describeAll(p.Lost))

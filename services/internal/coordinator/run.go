@@ -40,6 +40,7 @@ type run struct {
 	rec     store.Record
 	behind  bool     // the store has not all of rec; nothing is done until it has
 	loading bool     // its checkpoint is being read
+	parked  func()   // goes on with a job that waits for room; nil: it does not wait
 	garbage []string // blobs that the record does not name any more
 	tasks   map[string]taskKey
 	checks  checks
@@ -67,6 +68,8 @@ type run struct {
 	lastCheckpoint time.Time
 	retryAt        time.Time // after a checkpoint failed
 	checkpointCost time.Duration
+
+	transfer atomic.Pointer[transfer] // under way
 
 	events eventLog
 	crew   map[string]bool // workers that the log said have joined
@@ -157,10 +160,14 @@ func (r *run) segmentTask(number, segment int) string {
 
 // taskPrefix begins the names of the segments' tasks. Requires: mu.
 func (r *run) taskPrefix() string {
-	if r.rec.Refinements == 0 {
-		return r.id + "/"
+	prefix := r.id + "/"
+	if r.rec.Refinements > 0 {
+		prefix += fmt.Sprintf("f%d/", r.rec.Refinements)
 	}
-	return fmt.Sprintf("%s/f%d/", r.id, r.rec.Refinements)
+	if r.rec.Unwound > 0 {
+		prefix += fmt.Sprintf("u%d/", r.rec.Unwound)
+	}
+	return prefix
 }
 
 // lastRound is the last round that may be needed, as far as is known. Requires: mu; spec resolved.
@@ -188,7 +195,7 @@ func (r *run) decideLast(reason string) {
 	r.save() // before it takes effect: a restart must stop on the same round
 	for _, h := range slices.Clone(r.checks.held) {
 		if h.batch.Round > number {
-			r.drop(h)
+			r.forget(h)
 		}
 	}
 	for id, key := range r.tasks {
@@ -235,6 +242,7 @@ func (r *run) fail(message string) {
 // end ends the job early; what is rendered stays. Housekeeping writes the last checkpoint.
 // Requires: mu.
 func (r *run) end(state job.State, message string) {
+	r.discardContested()
 	r.clearTasks()
 	r.samples = nil
 	r.setState(state, message)
@@ -278,12 +286,14 @@ func (r *run) save() (saved bool) {
 	return false
 }
 
-// catchUp saves what is not saved yet, and tells whether the job may be acted on.
+// catchUp saves what is not saved yet, and tells whether the job may be acted on. Its tasks may have
+// waited for that.
 func (r *run) catchUp() bool {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.behind || len(r.events.unsaved) > 0 {
-		r.save()
+	held := r.behind
+	if (r.behind || len(r.events.unsaved) > 0) && r.save() && held {
+		r.c.announce()
 	}
 	return r.mayAct()
 }

@@ -54,12 +54,12 @@ func TestFramesAreJobs(t *testing.T) {
 	s := newSite(t)
 	s.start()
 	defer s.stop()
-	s.crew(workers(2, nil)...)
 	shared := s.submitFrames(s.frames(3, ""))
 	if shared.State != job.Queued || len(shared.Frames) != 3 || shared.States[job.Queued] != 3 {
 		t.Errorf("submitted %+v", shared)
 	}
 	apart := s.submitFrames(s.frames(3, job.SeedsPerFrame))
+	s.crew(workers(2, nil)...)
 	films := s.rendered(shared)
 	if films[1] != films[0] || films[2] != films[0] {
 		t.Errorf("frames of one seed: %v", films)
@@ -212,7 +212,11 @@ func TestFramesShareTheFarm(t *testing.T) {
 		t.Errorf("sequence of %q", q.User)
 	}
 	h := newHand(t, s.c, "a")
-	s.await(q.Frames[19].Job, "to be leased", func(j job.Snapshot) bool { return j.QueuePosition == 20 })
+	s.await(q.Frames[19].Job, "stored", func(j job.Snapshot) bool {
+		events, err := s.db.Events(t.Context(), j.ID, 0)
+		s.check(err)
+		return len(events) > 0
+	})
 	equal(t, "leases before bob", h.leasesOf(2), q.Frames[0].Job, q.Frames[1].Job)
 	bob := s.submitAs("bob", 0, pathRequest(1))
 	equal(t, "leases after bob", h.leasesOf(2), bob, q.Frames[2].Job)

@@ -142,6 +142,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 		change.Apply(&r.rec.Request)
 		if after := r.rec.Request; after.Priority != before.Priority {
 			r.publish("state", fmt.Sprintf("priority changed from %d to %d", before.Priority, after.Priority), nil)
+			if r.parked != nil {
+				c.room.wait(r, after.Priority, r.rec.FilmBytes)
+			}
 		} else if after.Name != before.Name {
 			r.publish("state", "renamed", nil)
 		}
@@ -151,6 +154,9 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 
 // Cancel implements api.Service.
 func (c *Coordinator) Cancel(ctx context.Context, id string) (job.Snapshot, error) {
+	if err := c.takeToCancel(ctx, id); err != nil {
+		return job.Snapshot{}, err
+	}
 	return c.alter(ctx, id, func(r *run) error {
 		r.end(job.Canceled, "canceled by the user")
 		return nil
@@ -220,9 +226,19 @@ func (c *Coordinator) SceneReport(ctx context.Context, id string) (string, error
 
 // Events implements api.Service.
 func (c *Coordinator) Events(ctx context.Context, id string, after uint64) ([]job.Event, <-chan job.Event, error) {
+	// A job at rest may be deleted or go on elsewhere: what happens from now on ends the stream.
+	atRest, end := context.WithCancel(ctx)
+	stop := c.news.listen(id, end)
 	r, err := c.find(ctx, id)
 	if err != nil {
+		stop()
+		end()
 		return nil, nil, err
 	}
-	return r.follow(ctx, after)
+	if r.gone.Load() {
+		context.AfterFunc(ctx, stop)
+	} else {
+		stop() // its owner closes its streams
+	}
+	return r.follow(atRest, after)
 }

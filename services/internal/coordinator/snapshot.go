@@ -29,7 +29,7 @@ func (r *run) snapshot() job.Snapshot {
 		WallSeconds: r.wallSeconds(), LoadSeconds: r.extra.LoadSeconds,
 		Anomalies: map[string]uint64{}, Warnings: slices.Concat(r.report.GetWarnings(), r.rec.Warnings),
 	}
-	s.Stale = r.gone.Load()
+	s.Stale, s.WaitingForMemory = r.gone.Load(), r.waitingForRoom()
 	r.describeSpec(&s)
 	r.describeWork(&s)
 	r.describePhase(&s)
@@ -178,6 +178,8 @@ func (r *run) describePhase(s *job.Snapshot) {
 	}
 	switch held := len(r.checks.held); {
 	case s.Activity != "":
+	case r.waitingForRoom():
+		s.Activity = r.waitsForRoom()
 	case r.waitsForVersion():
 		s.Activity = fmt.Sprintf("waiting for a worker of version %s", r.spec.GetWorkerVersion())
 	case held > 0:
@@ -187,7 +189,7 @@ func (r *run) describePhase(s *job.Snapshot) {
 
 func (r *run) waitsForVersion() bool {
 	return !r.rec.State.Ended() && r.spec.GetWorkerVersion() != "" &&
-		r.c.liveWorkers(r.spec.GetWorkerVersion()) == 0
+		!r.c.hearsOf(r.spec.GetWorkerVersion())
 }
 
 // progress towards the nearest stop rule, floored to a thousandth.

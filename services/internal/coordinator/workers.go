@@ -21,9 +21,9 @@ type worker struct {
 	lastContact                 time.Time
 	draining                    bool
 	activity                    string
-	conflicts                   int    // batches that cannot be right, or that another worker contradicts
+	conflicts                   int    // batches and reports that cannot be right, batches that another worker contradicts
 	exclusion                   string // why it gets no more work; empty if it does
-	damaged                     int    // batches that did not fit their own digests; halved by each that is merged
+	damaged                     int    // batches and reports that contradicted themselves; halved by each batch that is merged
 	quarantined                 time.Time
 	meter                       meter
 }
@@ -59,17 +59,16 @@ func (c *Coordinator) forgive(id string) {
 	}
 }
 
-// liveWorkers counts the workers of a version that were heard of within a lease's time.
-func (c *Coordinator) liveWorkers(version string) int {
+// hearsOf tells whether a worker of a version was heard of within a lease's time.
+func (c *Coordinator) hearsOf(version string) bool {
 	c.mu.Lock()
 	defer c.mu.Unlock()
-	n := 0
 	for _, w := range c.workers {
-		if (version == "" || w.version == version) && !c.lost(w) {
-			n++
+		if w.version == version && !c.lost(w) {
+			return true
 		}
 	}
-	return n
+	return false
 }
 
 // lost tells whether a worker is silent for longer than a lease lives. Requires: mu. A worker that
@@ -107,7 +106,7 @@ func (c *Coordinator) flag(id string) {
 	if w := c.workers[id]; w != nil {
 		w.conflicts++
 		c.metrics.conflicts.Inc()
-		c.log.Warn("worker delivered a conflicting batch", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
+		c.log.Warn("worker sent what cannot be right", "worker", w.id, "name", w.name, "version", w.version, "conflicts", w.conflicts)
 	}
 }
 
@@ -159,26 +158,37 @@ func (c *Coordinator) excluded() map[string]bool {
 	return excluded
 }
 
-// renderers lists the live workers of a version that take work.
+// renders tells whether a worker may be counted on: it is heard of, and neither draining, excluded (which
+// drains it) nor in quarantine. Requires: mu.
+func (c *Coordinator) renders(w *worker) bool {
+	return !c.lost(w) && !w.draining && !w.inQuarantine(c.options.Now())
+}
+
+// renderers lists the workers of a version that may be counted on; of any version if that is empty.
 func (c *Coordinator) renderers(version string) []string {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	var ids []string
 	for id, w := range c.workers {
-		if w.version == version && !w.draining && !c.lost(w) {
+		if (version == "" || w.version == version) && c.renders(w) {
 			ids = append(ids, id)
 		}
 	}
 	return ids
 }
 
-// threadsOf counts the render threads of the live workers of a version that take work.
+// eligible lists the workers that could get tasks of this job now. Requires: mu.
+func (r *run) eligible() []string {
+	return slices.DeleteFunc(r.c.renderers(r.spec.GetWorkerVersion()), func(id string) bool { return r.checks.suspects[id] })
+}
+
+// threadsOf counts the render threads of the workers of a version that may be counted on.
 func (c *Coordinator) threadsOf(version string) int {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	n := 0
 	for _, w := range c.workers {
-		if w.version == version && !w.draining && !c.lost(w) {
+		if w.version == version && c.renders(w) {
 			n += max(w.threads, 1)
 		}
 	}
@@ -191,6 +201,9 @@ func (c *Coordinator) describe(id string) string {
 	defer c.mu.Unlock()
 	if w := c.workers[id]; w != nil {
 		return fmt.Sprintf("%s (%s)", w.name, id)
+	}
+	if id == unknown {
+		return "that delivered to this job's coordinator before"
 	}
 	return id
 }

@@ -10,9 +10,10 @@ import (
 func TestChoicesNameTheirSource(t *testing.T) {
 	depth := 5
 	snapshot := job.Snapshot{
-		Request: job.Request{Integrator: "auto", MaxDepth: &depth, Width: 64},
+		Request: job.Request{Integrator: "auto", MaxDepth: &depth, Width: 64, ShutterOpen: new(float64), ShutterCurve: "0,1"},
 		Resolved: `{"integrator":"INTEGRATOR_PSSMLT","maxDepth":5,"width":64,"height":48,
-			"unit":0.25,"chainGroups":16,"brandNew":true}`,
+			"unit":0.25,"chainGroups":16,"shutterOpen":0,"shutterCurve":"SHUTTER_CURVE_TABULATED","shutterSamples":[0,1],
+			"brandNew":true}`,
 	}
 	choices, err := explain.Choices(snapshot)
 	if err != nil {
@@ -21,6 +22,7 @@ func TestChoicesNameTheirSource(t *testing.T) {
 	want := map[string][2]string{
 		"integrator": {"pssmlt", "plan"}, "max_depth": {"5", "request"}, "width": {"64", "request"},
 		"height": {"48", "scene"}, "unit": {"0.25", "bootstrap"}, "chain_groups": {"16", "plan"},
+		"shutter_open": {"0", "request"}, "shutter_curve": {"tabulated", "request"}, "shutter_samples": {"[0,1]", "request"},
 		"brand_new": {"true", "plan"},
 	}
 	if len(choices) != len(want) {

@@ -137,7 +137,11 @@ func (f *Farm) Events(ctx context.Context, id string, after uint64) ([]job.Event
 func (f *Farm) DropWatchers(id string) {
 	f.mutex.Lock()
 	defer f.mutex.Unlock()
-	r := f.jobs[id]
+	f.dropWatchers(f.jobs[id])
+}
+
+// dropWatchers must be called with the mutex held.
+func (f *Farm) dropWatchers(r *record) {
 	for watcher := range r.watchers {
 		close(watcher)
 	}

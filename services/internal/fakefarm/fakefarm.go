@@ -23,6 +23,7 @@ type Farm struct {
 	jobs    map[string]*record
 	keys    map[string]string // idempotency key to job
 	workers []job.Worker
+	deleted []string // ids
 
 	sequences []*sequence // oldest first
 }
@@ -189,6 +190,13 @@ func (f *Farm) Live(context.Context) ([]job.Snapshot, error) {
 	return jobs, nil
 }
 
+// Deleted returns the jobs that were deleted after the first so many, and how many there are.
+func (f *Farm) Deleted(after uint64) ([]string, uint64) {
+	f.mutex.Lock()
+	defer f.mutex.Unlock()
+	return slices.Clone(f.deleted[after:]), uint64(len(f.deleted))
+}
+
 // Delete removes a job that has ended.
 func (f *Farm) Delete(_ context.Context, id string) error {
 	f.mutex.Lock()
@@ -200,6 +208,8 @@ func (f *Farm) Delete(_ context.Context, id string) error {
 	if !r.snapshot.State.Ended() {
 		return fmt.Errorf("%w: job %s is %s; cancel it first", job.ErrConflict, id, r.snapshot.State)
 	}
+	f.dropWatchers(r)
+	f.deleted = append(f.deleted, id)
 	delete(f.jobs, id)
 	f.order = slices.DeleteFunc(f.order, func(other string) bool { return other == id })
 	return nil

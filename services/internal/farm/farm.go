@@ -3,6 +3,7 @@
 package farm
 
 import (
+	"cmp"
 	"context"
 	"crypto/tls"
 	"errors"
@@ -61,6 +62,8 @@ type Options struct {
 	TLS *tls.Config
 	// Calls counts the workers' calls; nil: nobody does.
 	Calls *grpcprom.ServerMetrics
+	// MessagePatience is how long a delivery may be silent; 0: 30 s.
+	MessagePatience time.Duration
 }
 
 // Server is the gRPC server.
@@ -70,8 +73,11 @@ type Server struct {
 	blobs *blob.Store
 	log   *slog.Logger
 	grpc  *grpc.Server
-	ctx   context.Context // ends the long polls
-	end   context.CancelFunc
+
+	messagePatience time.Duration
+
+	ctx context.Context // ends the long polls
+	end context.CancelFunc
 }
 
 // NewServer returns a server that is ready to Serve.
@@ -79,7 +85,10 @@ func NewServer(o Options) *Server {
 	if o.Logger == nil {
 		o.Logger = slog.New(slog.DiscardHandler)
 	}
-	s := &Server{farm: o.Farm, blobs: o.Blobs, log: o.Logger}
+	s := &Server{
+		farm: o.Farm, blobs: o.Blobs, log: o.Logger,
+		messagePatience: cmp.Or(o.MessagePatience, defaultMessagePatience),
+	}
 	s.ctx, s.end = context.WithCancel(context.Background())
 	s.grpc = grpc.NewServer(append(counting(o.Calls), serverOptions(o.TLS)...)...)
 	farmv1.RegisterFarmServiceServer(s.grpc, s)
@@ -194,45 +203,6 @@ func (s *Server) Report(ctx context.Context, in *farmv1.ReportRequest) (*farmv1.
 func (s *Server) Release(ctx context.Context, in *farmv1.ReleaseRequest) (*farmv1.ReleaseResponse, error) {
 	out, err := s.farm.Release(ctx, in)
 	return out, toStatus(err)
-}
-
-// Deliver implements FarmService. Nothing is read before the coordinator has room for it. A batch
-// whose fate is known early is still read to its end, so that the worker never sees a broken stream
-// instead of the answer.
-func (s *Server) Deliver(stream grpc.ClientStreamingServer[farmv1.DeliverRequest, farmv1.DeliverResponse]) error {
-	delivery, err := s.farm.Admit(stream.Context())
-	if err != nil {
-		return toStatus(err)
-	}
-	answer, err := receive(stream, delivery)
-	if err != nil {
-		delivery.Finish(false)
-		return err
-	}
-	return stream.SendAndClose(answer)
-}
-
-func receive(stream grpc.ClientStreamingServer[farmv1.DeliverRequest, farmv1.DeliverResponse], delivery *coordinator.Delivery) (*farmv1.DeliverResponse, error) {
-	first, err := stream.Recv()
-	if err != nil {
-		return nil, err
-	}
-	if first.GetHeader() == nil {
-		return nil, status.Error(codes.InvalidArgument, "the first message is not the header")
-	}
-	if err := delivery.Open(stream.Context(), first.GetHeader()); err != nil {
-		return nil, toStatus(err)
-	}
-	for {
-		message, err := stream.Recv()
-		if errors.Is(err, io.EOF) {
-			return delivery.Finish(true), nil
-		}
-		if err != nil {
-			return nil, err
-		}
-		delivery.Add(message.GetTiles().GetTiles())
-	}
 }
 
 // FetchBundle implements FarmService.

@@ -7,7 +7,7 @@ const segmentsPerWorker = 16
 // segments of a whole round. What is left of the round would make the number fall to one at each
 // round's end.
 func (s Snapshot) WantedWorkers() int {
-	if s.State.Ended() || s.Paused {
+	if s.State.Ended() || s.Paused || s.WaitingForMemory {
 		return 0
 	}
 	return max(1, (s.RoundSegments+segmentsPerWorker-1)/segmentsPerWorker)

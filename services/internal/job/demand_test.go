@@ -12,6 +12,7 @@ func TestWantedWorkersFollowsWholeRounds(t *testing.T) {
 		want     int
 	}{
 		{job.Snapshot{State: job.Queued}, 1},
+		{job.Snapshot{State: job.Queued, WaitingForMemory: true}, 0},
 		{job.Snapshot{State: job.Rendering, RoundSegments: 16, RoundSegmentsDone: 15}, 1},
 		{job.Snapshot{State: job.Rendering, RoundSegments: 17}, 2},
 		{job.Snapshot{State: job.Rendering, RoundSegments: 160, RoundSegmentsDone: 159}, 10},

@@ -9,11 +9,12 @@ import (
 // Inspecting to Rendering; a scene without light is Done after Bootstrapping, a job that only
 // inspects after Inspecting. A restarted
 // coordinator puts a job that has no checkpoint back to Queued, which is no transition of its life. A
-// job that is refined goes on from its last checkpoint.
+// job that is refined goes on from its last checkpoint. A job whose film does not fit beside those of
+// others is Queued again once its scene was inspected, and goes on where it was.
 var transitions = map[State][]State{
-	Queued:        {Inspecting, Failed, Canceled},
-	Inspecting:    {Bootstrapping, Rendering, Done, Failed, Canceled},
-	Bootstrapping: {Rendering, Done, Failed, Canceled},
+	Queued:        {Inspecting, Bootstrapping, Rendering, Failed, Canceled},
+	Inspecting:    {Queued, Bootstrapping, Rendering, Done, Failed, Canceled},
+	Bootstrapping: {Queued, Rendering, Done, Failed, Canceled},
 	Rendering:     {Done, Failed, Canceled},
 	Done:          {Rendering},
 	Canceled:      {Rendering},

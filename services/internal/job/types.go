@@ -199,11 +199,14 @@ type Snapshot struct {
 	PauseReason string `json:"pause_reason,omitempty"`
 	// QueuePosition among the jobs of its coordinator that have work for more workers: the next free
 	// one goes to 1. Absent if the job has none.
-	QueuePosition int        `json:"queue_position,omitempty"`
-	Error         string     `json:"error,omitempty"`
-	CreatedAt     time.Time  `json:"created_at"`
-	StartedAt     *time.Time `json:"started_at,omitempty"`
-	EndedAt       *time.Time `json:"ended_at,omitempty"`
+	QueuePosition int `json:"queue_position,omitempty"`
+	// WaitingForMemory: the job is queued until there is room for its film beside those of others;
+	// Activity has the sizes. Absent if it does not wait for that.
+	WaitingForMemory bool       `json:"waiting_for_memory,omitempty"`
+	Error            string     `json:"error,omitempty"`
+	CreatedAt        time.Time  `json:"created_at"`
+	StartedAt        *time.Time `json:"started_at,omitempty"`
+	EndedAt          *time.Time `json:"ended_at,omitempty"`
 	// StopReason says which rule ended the job, once it is done.
 	StopReason string `json:"stop_reason,omitempty"`
 	// Refinements counts how often the job went on with other stop rules, those of Request now.
@@ -292,7 +295,8 @@ type ImageLayer struct {
 type Event struct {
 	// Sequence grows by one per event of a job, from 1; it is the SSE id.
 	Sequence uint64 `json:"sequence"`
-	// Kind is state, progress, round, image, warning, fault, anomaly or log.
+	// Kind is state, progress, round, image, warning, fault, anomaly or log; deleted is the last of a
+	// stream whose job was deleted.
 	Kind string `json:"kind"`
 	// At is when it happened.
 	At time.Time `json:"at"`
@@ -320,8 +324,8 @@ type Worker struct {
 	LeasedSegments     int       `json:"leased_segments"`
 	Activity           string    `json:"activity,omitempty"`
 	MutationsPerSecond float64   `json:"mutations_per_second"`
-	// Conflicts counts batches that cannot be right, or that another worker contradicts and no third
-	// has confirmed.
+	// Conflicts counts batches and reports that cannot be right, and batches that another worker
+	// contradicts and no third has confirmed.
 	Conflicts int `json:"conflicts"`
 	// Exclusion says why the worker gets no more work: it was found to render wrong.
 	Exclusion string `json:"exclusion,omitempty"`

@@ -3,14 +3,14 @@ package lease
 import "time"
 
 // Grant leases up to limit waiting tasks to a worker, in order. A task is not offered again to a worker
-// that failed it, unless alone says that there is no other. Tasks that were put apart come first, by
-// themselves.
-func (t *Table) Grant(worker string, limit int, alone bool, now time.Time) []Ref {
+// that failed it, unless it failed on all of the crew, the workers that could have it at the moment.
+// Tasks that were put apart come first, by themselves.
+func (t *Table) Grant(worker string, limit int, crew []string, now time.Time) []Ref {
 	if granted := t.GrantApart(worker, limit, now); len(granted) > 0 {
 		return granted
 	}
 	return t.grant(worker, limit, func(k *task) bool {
-		return !k.apart && len(k.holders) == 0 && (alone || k.failures[worker] == 0)
+		return !k.apart && len(k.holders) == 0 && (k.failures[worker] == 0 || k.failedOnAll(crew))
 	}, now)
 }
 
@@ -50,6 +50,11 @@ func (t *Table) grant(worker string, limit int, wanted func(*task) bool, now tim
 
 func (t *Table) lease(k *task, worker string, now time.Time) Ref {
 	h := holding{epoch: t.nextEpoch(), worker: worker, granted: now, deadline: now.Add(t.ttl)}
+	if !k.silent.IsZero() {
+		t.again.Tasks++
+		t.again.Longest = max(t.again.Longest, now.Sub(k.silent))
+		k.silent = time.Time{}
+	}
 	t.setHolders(k, append(k.holders, h))
 	t.expectDeadline(h.deadline)
 	t.load.granted(now, t.ttl)

@@ -25,7 +25,7 @@ func TestLoadTellsTheTruth(t *testing.T) {
 			case 2:
 				k.PutApart(id, uint64(step))
 			case 3, 4, 5:
-				refs = append(refs, k.Grant(who, 2, random.IntN(2) == 0, now)...)
+				refs = append(refs, k.Grant(who, 2, several[:random.IntN(len(several))], now)...)
 			case 6:
 				k.Done(id, now)
 			case 7:
@@ -86,11 +86,11 @@ func TestForgivenLossesDoNotPoison(t *testing.T) {
 	for _, worker := range []string{"a", "b", "c"} {
 		k.NoteLost("0", worker)
 	}
-	if p, poisoned := k.Poisoned(false); !poisoned || len(p.Lost) != 3 {
+	if p, poisoned := k.Poisoned(several); !poisoned || len(p.Lost) != 3 {
 		t.Fatalf("%+v", p)
 	}
 	k.Forgive("b")
-	if p, poisoned := k.Poisoned(false); poisoned {
+	if p, poisoned := k.Poisoned(several); poisoned {
 		t.Errorf("%+v", p)
 	}
 }

@@ -14,8 +14,8 @@ import (
 const (
 	// poisonWorkers is the number of distinct workers that a task may fail on or take down.
 	poisonWorkers = 3
-	// poisonRepeats is the number of failures on a worker that has no other to compare with.
-	poisonRepeats = 3
+	// poisonFailures is the number of failures and losses of a task that failed on every worker there is.
+	poisonFailures = 3
 	// maxHolders bounds copies of a straggling task.
 	maxHolders = 2
 )
@@ -44,6 +44,7 @@ type task struct {
 	barred   map[string]bool // workers that must not have it
 	evidence string          // latest failure message
 	apart    bool            // see PutApart
+	silent   time.Time       // when its holder was last heard of, if its lease ran out; zero once leased again
 }
 
 // Table holds the open tasks of one job.
@@ -58,6 +59,20 @@ type Table struct {
 	deadline  time.Time     // no lease runs out before; zero without leases
 	load      load
 	linger    time.Duration // see Linger
+	again     Again
+}
+
+// Again tells of tasks that were leased again after their lease had run out.
+type Again struct {
+	Tasks   int
+	Longest time.Duration // from when the holder was last heard of until the task was leased again
+}
+
+// LeasedAgain returns what was leased again since it was called last.
+func (t *Table) LeasedAgain() Again {
+	again := t.again
+	t.again = Again{}
+	return again
 }
 
 // NewTable returns an empty table. nextEpoch must grow with every call, over all tables and
@@ -121,6 +136,14 @@ func (t *Table) Renew(ref Ref, worker string, fraction float64, now time.Time) b
 
 // Held tells whether the worker holds this very lease.
 func (t *Table) Held(ref Ref, worker string) bool { return t.holding(ref, worker) != nil }
+
+// Granted tells when the worker was granted this lease; false: it does not hold it.
+func (t *Table) Granted(ref Ref, worker string) (at time.Time, held bool) {
+	if h := t.holding(ref, worker); h != nil {
+		return h.granted, true
+	}
+	return time.Time{}, false
+}
 
 func (t *Table) holding(ref Ref, worker string) *holding {
 	k := t.tasks[ref.Task]
@@ -239,8 +262,12 @@ func (t *Table) Expire(now time.Time) []Expired {
 				return false
 			}
 			expired = append(expired, Expired{Ref{k.id, h.epoch}, h.worker})
+			k.silent = h.deadline.Add(-t.ttl)
 			return true
 		})
+		if len(k.holders) > 0 {
+			k.silent = time.Time{}
+		}
 	}
 	return expired
 }
@@ -281,31 +308,46 @@ func (t *Table) extend(now time.Time) {
 type Poison struct {
 	Task         string
 	Failed, Lost []string // distinct workers that failed on it, and others that were lost with it
+	Failures     int      // how often it failed
 	Evidence     string   // what the last that failed said
 }
 
-// Poisoned returns a task, not put apart, that failed on, or was lost with, three distinct workers, or
-// that failed three times on one worker while alone says that there is no other to try.
-func (t *Table) Poisoned(alone bool) (Poison, bool) {
+// Poisoned returns a task, not put apart, that must not be tried again: it failed on, or was lost with,
+// three distinct workers; or it failed on every worker of the crew, the workers that could have it at the
+// moment, and failures and losses are three in all. So two workers that both fail it are asked once more,
+// and a single one twice more, before its job is given up.
+func (t *Table) Poisoned(crew []string) (Poison, bool) {
 	for _, k := range t.ordered {
 		if k.apart {
 			continue
 		}
-		p := Poison{Task: k.id, Failed: slices.Sorted(maps.Keys(k.failures)), Evidence: k.evidence}
-		for _, worker := range slices.Sorted(maps.Keys(k.lost)) {
-			if k.failures[worker] == 0 {
-				p.Lost = append(p.Lost, worker)
-			}
-		}
-		repeats := 0
-		for _, n := range k.failures {
-			repeats = max(repeats, n)
-		}
-		if len(p.Failed)+len(p.Lost) >= poisonWorkers || alone && repeats >= poisonRepeats {
+		p := k.poison()
+		distinct := len(p.Failed) + len(p.Lost)
+		all := p.Failures + len(p.Lost)
+		if distinct >= poisonWorkers || all >= poisonFailures && k.failedOnAll(crew) {
 			return p, true
 		}
 	}
 	return Poison{}, false
+}
+
+// poison says what speaks against a task.
+func (k *task) poison() Poison {
+	p := Poison{Task: k.id, Failed: slices.Sorted(maps.Keys(k.failures)), Evidence: k.evidence}
+	for _, n := range k.failures {
+		p.Failures += n
+	}
+	for _, worker := range slices.Sorted(maps.Keys(k.lost)) {
+		if k.failures[worker] == 0 {
+			p.Lost = append(p.Lost, worker)
+		}
+	}
+	return p
+}
+
+// failedOnAll tells whether a task failed on each of some workers, of which there must be one.
+func (k *task) failedOnAll(crew []string) bool {
+	return len(crew) > 0 && !slices.ContainsFunc(crew, func(worker string) bool { return k.failures[worker] == 0 })
 }
 
 // CountHeld adds the number of leases that each worker holds.

@@ -83,7 +83,7 @@ func (f *Farm) start(ctx context.Context) error {
 	life := context.WithoutCancel(ctx)
 	f.coordinator, err = coordinator.New(life, coordinator.Options{
 		Store: f.db, Blobs: blobs, Logger: f.options.Logger, Member: f.member, Limits: f.options.Access.JobLimits,
-		MergeBudget: f.options.Flow.MergeBudget, InboundBytes: f.options.Flow.InboundBytes,
+		MergeBudget: f.options.Flow.MergeBudget, InboundBytes: f.options.Flow.InboundBytes, FilmsMemory: f.options.Flow.FilmsMemory,
 	})
 	if err != nil {
 		return err
@@ -120,6 +120,9 @@ func (f *Farm) startWorkers(ctx context.Context, address string) {
 		}
 		if f.options.Threads > 0 {
 			arguments = append(arguments, "--threads", strconv.Itoa(f.options.Threads))
+		}
+		if f.options.SceneMemory > 0 {
+			arguments = append(arguments, "--scene-memory", strconv.FormatInt(f.options.SceneMemory, 10))
 		}
 		supervisor := &child.Supervisor{
 			Program: f.options.WorkerProgram, Arguments: arguments,

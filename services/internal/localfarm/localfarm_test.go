@@ -84,15 +84,17 @@ func TestAWorkerThatCannotRunFailsTheFarm(t *testing.T) {
 		t.Fatal(err)
 	}
 	o := options(t)
-	o.Workers, o.Threads, o.WorkerProgram, o.OneJob = 1, 2, program, true
+	o.Workers, o.Threads, o.SceneMemory, o.WorkerProgram, o.OneJob = 1, 2, 12345, program, true
 	farm, err := localfarm.Start(t.Context(), o)
 	if err != nil {
 		t.Fatal(err)
 	}
 	select {
 	case err := <-farm.Failed():
-		if !strings.Contains(err.Error(), "--coordinator 127.0.0.1:") || !strings.Contains(err.Error(), "--threads 2") {
-			t.Errorf("error %v", err)
+		for _, told := range []string{"--coordinator 127.0.0.1:", "--threads 2", "--scene-memory 12345"} {
+			if !strings.Contains(err.Error(), told) {
+				t.Errorf("it was not started with %s: %v", told, err)
+			}
 		}
 	case <-time.After(20 * time.Second):
 		t.Error("the farm did not notice")

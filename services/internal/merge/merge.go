@@ -16,11 +16,18 @@ import (
 	"metrofarm/services/internal/tally"
 )
 
-// ErrMalformed: a batch that no correct worker sends; the outcome is REJECTED.
-var ErrMalformed = errors.New("malformed batch")
-
-// ErrDigest: film and digests disagree; the outcome is CONFLICT.
-var ErrDigest = errors.New("digests disagree")
+// What can be wrong with a batch. Each error is one of these.
+var (
+	// ErrMalformed: the header says what no correct worker says; the outcome is REJECTED. It speaks
+	// against the task, which makes workers say so.
+	ErrMalformed = errors.New("malformed batch")
+	// ErrDamaged: the tiles are not those that were packed: some are missing, there are too many, or they
+	// do not unpack; the outcome is REJECTED. It speaks against the worker or its connection only.
+	ErrDamaged = errors.New("damaged batch")
+	// ErrDigest: film and digests disagree; the outcome is CONFLICT. It speaks against the worker or its
+	// connection only.
+	ErrDigest = errors.New("digests disagree")
+)
 
 // Limits on one batch.
 const (
@@ -47,7 +54,7 @@ type Batch struct {
 	Round      int
 	Segments   []Segment
 	Tiles      []film.Tile
-	CPUSeconds float64
+	CPUSeconds float64 // as the worker reports it: may be anything
 	Anomalies  []*farmv1.Anomaly
 
 	packed []*farmv1.Tile // the same tiles as they came
@@ -109,7 +116,7 @@ func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *fa
 	}
 	batch := &Batch{
 		Job: h.GetJobId(), Round: int(h.GetRound()),
-		CPUSeconds: finiteOrZero(h.GetCpuSeconds()), Anomalies: h.GetAnomalies(),
+		CPUSeconds: h.GetCpuSeconds(), Anomalies: h.GetAnomalies(),
 	}
 	for _, s := range h.GetSegments() {
 		segment, err := checkSegment(s, chainsPerGroup)
@@ -128,14 +135,14 @@ func NewAssembler(codec *film.Codec, shape film.Shape, chainsPerGroup int, h *fa
 func (a *Assembler) Add(tiles []*farmv1.Tile) error {
 	for _, t := range tiles {
 		if len(a.batch.Tiles) == int(a.header.GetTileCount()) {
-			return fmt.Errorf("%w: more tiles than the %d announced", ErrMalformed, a.header.GetTileCount())
+			return fmt.Errorf("%w: more tiles than the %d announced", ErrDamaged, a.header.GetTileCount())
 		}
 		tile, digest, err := a.codec.DecodeTile(a.shape, t)
 		if err != nil {
-			return fmt.Errorf("%w: %w", ErrMalformed, err)
+			return fmt.Errorf("%w: %w", ErrDamaged, err)
 		}
 		if a.seen[tile.Index] {
-			return fmt.Errorf("%w: tile %d comes twice", ErrMalformed, tile.Index)
+			return fmt.Errorf("%w: tile %d comes twice", ErrDamaged, tile.Index)
 		}
 		a.seen[tile.Index] = true
 		a.digest += digest
@@ -148,7 +155,7 @@ func (a *Assembler) Add(tiles []*farmv1.Tile) error {
 // Finish returns the batch once all its messages are in.
 func (a *Assembler) Finish() (*Batch, error) {
 	if len(a.batch.Tiles) != int(a.header.GetTileCount()) {
-		return nil, fmt.Errorf("%w: %d tiles, %d announced", ErrMalformed, len(a.batch.Tiles), a.header.GetTileCount())
+		return nil, fmt.Errorf("%w: %d tiles, %d announced", ErrDamaged, len(a.batch.Tiles), a.header.GetTileCount())
 	}
 	var segments uint64
 	for _, s := range a.batch.Segments {
@@ -213,11 +220,3 @@ func evidence(s *Segment) [16]byte {
 }
 
 func finite(v float64) bool { return !math.IsNaN(v) && !math.IsInf(v, 0) }
-
-// finiteOrZero keeps nonsense out of statistics; the result does not depend on them.
-func finiteOrZero(v float64) float64 {
-	if !finite(v) || v < 0 {
-		return 0
-	}
-	return v
-}

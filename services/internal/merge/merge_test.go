@@ -88,12 +88,20 @@ func TestRefusals(t *testing.T) {
 		damage func(*farmv1.BatchHeader, []*farmv1.Tile) []*farmv1.Tile
 		want   error
 	}{
-		"tile missing":  {func(_ *farmv1.BatchHeader, _ []*farmv1.Tile) []*farmv1.Tile { return nil }, ErrMalformed},
-		"tile too many": {func(_ *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { return append(tiles, tiles[0]) }, ErrMalformed},
+		"tile missing":  {func(_ *farmv1.BatchHeader, _ []*farmv1.Tile) []*farmv1.Tile { return nil }, ErrDamaged},
+		"tile too many": {func(_ *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile { return append(tiles, tiles[0]) }, ErrDamaged},
 		"tile twice": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.TileCount = 2
 			return append(tiles, tiles[0])
-		}, ErrMalformed},
+		}, ErrDamaged},
+		"tile cut short": {func(_ *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
+			tiles[0].Data = tiles[0].Data[:len(tiles[0].Data)/2]
+			return tiles
+		}, ErrDamaged},
+		"tile elsewhere": {func(_ *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
+			tiles[0].X = 1 << 20
+			return tiles
+		}, ErrDamaged},
 		"tile count": {func(h *farmv1.BatchHeader, tiles []*farmv1.Tile) []*farmv1.Tile {
 			h.TileCount = math.MaxUint32
 			return tiles

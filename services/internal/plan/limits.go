@@ -67,7 +67,26 @@ func (l Limits) CheckRequest(r job.Request) error {
 			return check
 		}
 	}
-	return nil
+	if r.Width == 0 || r.Height == 0 {
+		return nil
+	}
+	return l.checkSize(smallest(r), sizeField(r))
+}
+
+// smallest is the spec of the smallest film that a job can have whose size is given: what its scene and
+// its integrator add is known later.
+func smallest(r job.Request) *jobv1.ResolvedSpec {
+	spec := &jobv1.ResolvedSpec{Width: uint32(r.Width), Height: uint32(r.Height)}
+	switch r.Integrator {
+	case job.IntegratorPSSMLT:
+		spec.Integrator = jobv1.Integrator_INTEGRATOR_PSSMLT
+	case job.IntegratorMMLT:
+		spec.Integrator = jobv1.Integrator_INTEGRATOR_MMLT
+	}
+	if RunsChains(spec) {
+		setLayers(spec, r)
+	}
+	return spec
 }
 
 // Check a resolved spec. Errors are *job.FieldError: they name what the user set or could set.

@@ -105,3 +105,23 @@ func TestMemoryHoldsAFullFilm(t *testing.T) {
 		}
 	}
 }
+
+func TestFilmsOfAGivenSizeAreRefusedBeforeTheSceneIsKnown(t *testing.T) {
+	path, _ := Memory(smallest(job.Request{Width: 640, Height: 480}))
+	limits := Limits{CoordinatorBytes: path}
+	for _, c := range []struct {
+		request job.Request
+		field   string
+	}{
+		{job.Request{Width: 640, Height: 480}, ""},
+		{job.Request{Width: 640, Height: 480, Integrator: job.IntegratorPSSMLT}, "width"}, // two layers
+		{job.Request{Width: 480, Height: 700}, "height"},
+		{job.Request{Width: 20000}, ""}, // the scene has the other side
+	} {
+		detail := ""
+		if c.field != "" {
+			detail = "in the coordinator; this server allows"
+		}
+		expectField(t, limits.CheckRequest(c.request), c.field, detail)
+	}
+}

@@ -223,6 +223,29 @@ func (s *State) Judge(b *merge.Batch) (round.Verdict, error) {
 	return open.Ledger.Judge(b.Entries())
 }
 
+// Counted returns what a segment was counted with; false if it was not, or too long ago to tell.
+func (s *State) Counted(number, segment int) (round.Mark, bool) {
+	var ledger *round.Ledger
+	switch at := number - s.Closed; {
+	case at == -1:
+		ledger = s.Previous
+	case at >= 0 && at < len(s.Open):
+		ledger = s.Open[at].Ledger
+	}
+	if ledger == nil || segment < 0 || segment >= len(ledger.Counted) || !ledger.Counted[segment] {
+		return round.Mark{}, false
+	}
+	return ledger.Marks[segment], true
+}
+
+// Unwind forgets what was delivered to an open round and to those after it.
+func (s *State) Unwind(number int) {
+	if at := number - s.Closed; at >= 0 && at < len(s.Open) {
+		s.Open = s.Open[:at]
+	}
+	s.OpenRound(s.Closed)
+}
+
 // checkCounts compares what a segment claims to have done with what its round asks for: the
 // development divides by these numbers.
 func (s *State) checkCounts(number int, e merge.Segment) error {

@@ -36,6 +36,16 @@ var ErrUnavailable = fmt.Errorf("store: %w", job.ErrUnavailable)
 // MaxEvents is how many events of a job are kept; older ones are dropped.
 const MaxEvents = 512
 
+// MaxChanges is how many changes of jobs at rest are kept for who asks; older ones are dropped.
+const MaxChanges = 4096
+
+// Change is what happened to a job at rest, which nobody owns and whose owner hence tells nobody: it was
+// deleted, or it goes on.
+type Change struct {
+	ID      string
+	Deleted bool
+}
+
 // Member is a coordinator that shares the store.
 type Member struct {
 	// ID is new for each start of a process.
@@ -91,8 +101,15 @@ type Record struct {
 	// Refinements counts how often the job was refined. It is part of the names of tasks: what was
 	// rendered for the job before cannot be taken for a part of what it renders now.
 	Refinements uint64 `json:"refinements,omitempty"`
+	// Unwound counts how often open rounds were thrown away. It is part of the names of tasks, likewise.
+	Unwound uint64 `json:"unwound,omitempty"`
+	// Contested is an open round of which the checkpoint may hold a segment that workers disagree about:
+	// whoever goes on from it renders that round and those after it again.
+	Contested *int `json:"contested,omitempty"`
 	// Decision that a round is the last, recorded before it takes effect.
 	Decision *round.Decision `json:"decision,omitempty"`
+	// FilmBytes is what its film and chains may take in a coordinator's memory; 0 before it is known.
+	FilmBytes int64 `json:"film_bytes,omitempty"`
 	// Checkpoint names the blob to resume from; empty before the first.
 	Checkpoint string `json:"checkpoint,omitempty"`
 	// Checkpoints counts those written so far, for names.
@@ -183,6 +200,11 @@ type Store interface {
 
 	// Events returns the kept events of a job with a sequence above after, in order.
 	Events(ctx context.Context, id string, after uint64) ([]job.Event, error)
+
+	// Changes lists in order the jobs that were deleted, and those that had ended and go on, since a
+	// mark of the caller's process; next is the mark to go on from. With an empty mark there are none,
+	// and next is now.
+	Changes(ctx context.Context, mark string) (changes []Change, next string, err error)
 
 	// Close ends the use of the store by this process.
 	Close() error

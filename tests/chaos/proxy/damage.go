@@ -4,12 +4,14 @@ import (
 	"encoding/binary"
 	"errors"
 	"fmt"
+	"math"
 	"math/rand/v2"
 	"slices"
 
 	"github.com/klauspost/compress/zstd"
 	"google.golang.org/protobuf/proto"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
@@ -43,13 +45,21 @@ func (x parcel) all() []*farmv1.Tile {
 	return all
 }
 
-// damaged returns the parcel with a fault in it, and says where.
+// hasStates tells whether the segments are those of chains.
+func (x parcel) hasStates() bool {
+	segments := x.header.GetBatch().GetSegments()
+	return len(segments) > 0 && len(segments[0].GetState()) > 0
+}
+
+// damaged returns the parcel with a fault in it, and says where. flipState needs states.
 func damaged(x parcel, f fault, random *rand.Rand) (parcel, string, error) {
 	x = x.clone()
 	tiles := x.all()
-	if len(tiles) == 0 {
-		f = flipDigest // a black film has nothing else
+	if len(tiles) == 0 && slices.Contains([]fault{truncate, flipPacked, flipValue}, f) {
+		f = flipDigest // a black film has no tiles
 	}
+	segments := x.header.GetBatch().GetSegments()
+	s := segments[random.IntN(len(segments))]
 	switch f {
 	case truncate:
 		last := x.tiles[len(x.tiles)-1]
@@ -62,10 +72,20 @@ func damaged(x parcel, f fault, random *rand.Rand) (parcel, string, error) {
 		detail, err := flipValueBit(tiles[random.IntN(len(tiles))], random)
 		return x, detail, err
 	case flipDigest:
-		segments := x.header.GetBatch().GetSegments()
-		s, bit := segments[random.IntN(len(segments))], random.IntN(64)
+		bit := random.IntN(64)
 		s.Digest ^= 1 << bit
 		return x, fmt.Sprintf("bit %d of the digest of segment %d", bit, s.GetSegment()), nil
+	case flipSegment:
+		bit := random.IntN(32)
+		detail := fmt.Sprintf("bit %d of the number of segment %d", bit, s.GetSegment())
+		s.Segment ^= 1 << bit
+		return x, detail, nil
+	case flipState:
+		at, bit := random.IntN(len(s.GetState())), random.IntN(8)
+		s.State[at] ^= 1 << bit
+		return x, fmt.Sprintf("bit %d of byte %d of the state of segment %d", bit, at, s.GetSegment()), nil
+	case flipSums:
+		return x, flipSumBit(s, random), nil
 	default:
 		return x, "", fmt.Errorf("fault %q does no damage", f)
 	}
@@ -104,8 +124,39 @@ func flipValueBit(t *farmv1.Tile, random *rand.Rand) (string, error) {
 	return fmt.Sprintf("bit %d of value %d of a tile of plane %d", bit, at, t.GetPlane()), nil
 }
 
-// forged returns the parcel with a wrong value in its film, whose digest and that of the segment fit:
-// what a worker sends whose memory was wrong before it splatted.
+// flipSumBit flips a bit of what is added up over segments beside the film.
+func flipSumBit(s *farmv1.SegmentResult, random *rand.Rand) string {
+	sums, counts, bit := s.GetLargeStepSums(), s.GetCounts(), random.IntN(64)
+	if len(sums) == 0 || random.IntN(2) == 0 {
+		counts.Rays ^= 1 << bit
+		return fmt.Sprintf("bit %d of the rays of segment %d", bit, s.GetSegment())
+	}
+	chain := random.IntN(len(sums))
+	sums[chain].Sum = math.Float64frombits(math.Float64bits(sums[chain].GetSum()) ^ 1<<bit)
+	return fmt.Sprintf("bit %d of the sum of chain %d of segment %d", bit, chain, s.GetSegment())
+}
+
+// damagedReport returns a report of which a bit flipped on the wire, and says where. Of such reports
+// it is one that can be read, comes from the same worker and says something else.
+func damagedReport(in *farmv1.ReportRequest, random *rand.Rand) (*farmv1.ReportRequest, string, error) {
+	sent, err := proto.Marshal(in)
+	if err != nil {
+		return nil, "", fmt.Errorf("damage a report: %w", err)
+	}
+	for {
+		at, bit := random.IntN(len(sent)), random.IntN(8)
+		sent[at] ^= 1 << bit
+		out := &farmv1.ReportRequest{}
+		readable := proto.Unmarshal(sent, out) == nil
+		sent[at] ^= 1 << bit
+		if readable && out.GetWorkerId() == in.GetWorkerId() && !proto.Equal(in, out) {
+			return out, fmt.Sprintf("bit %d of byte %d of %d", bit, at, len(sent)), nil
+		}
+	}
+}
+
+// forged returns the parcel with a wrong value in its film, whose digest and that of the segment fit, as
+// does the segment's checksum: what a worker sends whose memory was wrong before it splatted.
 func forged(x parcel, segment uint32) (parcel, error) {
 	x = x.clone()
 	for _, t := range x.all() {
@@ -124,6 +175,7 @@ func forged(x parcel, segment uint32) (parcel, error) {
 		for _, s := range x.header.GetBatch().GetSegments() {
 			if s.GetSegment() == segment {
 				s.Digest += change
+				s.Checksum = checksum.Of(s)
 			}
 		}
 		return x, nil

@@ -2,10 +2,12 @@ package main
 
 import (
 	"math/rand/v2"
+	"strings"
 	"testing"
 
 	"google.golang.org/protobuf/proto"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 )
 
@@ -24,6 +26,11 @@ func sample() parcel {
 	}
 	batch.Digest = digestOf(tile)
 	batch.Segments[1].Digest = batch.GetDigest() - 5
+	for _, s := range batch.GetSegments() {
+		s.Counts, s.State = &farmv1.SegmentCounts{Rays: 7}, []byte("state")
+		s.LargeStepSums = []*farmv1.LargeStepSums{{Count: 1, Sum: 0.5}, {}}
+		s.Checksum = checksum.Of(s)
+	}
 	return parcel{
 		header: &farmv1.DeliverHeader{Batch: batch},
 		tiles:  []*farmv1.DeliverTiles{{Tiles: []*farmv1.Tile{tile}}},
@@ -64,6 +71,23 @@ func TestDamageChangesTheParcelAndLeavesTheOriginal(t *testing.T) {
 	}
 }
 
+func TestADamagedReportIsAnotherOfTheSameWorker(t *testing.T) {
+	sample := &farmv1.ReportRequest{
+		WorkerId: "w", Lease: &farmv1.LeaseRef{TaskId: "job/b0", Epoch: 1},
+		Result: &farmv1.ReportRequest_Bootstrap{Bootstrap: &farmv1.BootstrapResult{Values: []float32{0, 1, 2}}},
+	}
+	in := proto.CloneOf(sample)
+	for seed := range uint64(200) {
+		out, detail, err := damagedReport(in, rand.New(rand.NewPCG(seed, 0)))
+		if err != nil || detail == "" {
+			t.Fatalf("detail %q, error %v", detail, err)
+		}
+		if proto.Equal(in, out) || !proto.Equal(in, sample) || out.GetWorkerId() != "w" {
+			t.Errorf("%s: %v became %v", detail, sample, out)
+		}
+	}
+}
+
 func TestForgeryFitsItsDigests(t *testing.T) {
 	x := sample()
 	y, err := forged(x, 4)
@@ -77,7 +101,14 @@ func TestForgeryFitsItsDigests(t *testing.T) {
 	if batch.GetSegments()[0].GetDigest() != 5 || batch.GetSegments()[1].GetDigest() != batch.GetDigest()-5 {
 		t.Errorf("segments %v do not add up to %x", batch.GetSegments(), batch.GetDigest())
 	}
+	for _, s := range batch.GetSegments() {
+		if err := checksum.Check(s); err != nil {
+			t.Errorf("segment %d: %v", s.GetSegment(), err)
+		}
+	}
 }
+
+func anything(fault) bool { return true }
 
 func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 	draw := func(seed uint64) (faults []fault) {
@@ -86,7 +117,7 @@ func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 			t.Fatal(err)
 		}
 		for range 64 {
-			_, f, _ := s.next()
+			_, f, _ := s.delivery(anything)
 			faults = append(faults, f)
 		}
 		return faults
@@ -106,5 +137,33 @@ func TestScheduleIsAFunctionOfItsSeed(t *testing.T) {
 	}
 	if _, err := newSchedule(1, 0.5, "repeat,nonsense"); err == nil {
 		t.Error("a fault that does not exist is taken")
+	}
+}
+
+// Every fault comes once before any comes again, and one that nobody could have waits for who can.
+func TestFaultsTakeTurns(t *testing.T) {
+	s, err := newSchedule(3, 1, strings.Join(faultNames(), ","))
+	if err != nil {
+		t.Fatal(err)
+	}
+	seen := map[fault]int{}
+	for range len(allFaults) - 2 { // without flipReport, and flipState is refused
+		_, f, _ := s.delivery(func(f fault) bool { return f != flipState })
+		seen[f]++
+	}
+	if _, f, _ := s.delivery(anything); f != flipState {
+		t.Errorf("%q comes before what was refused", f)
+	}
+	for _, f := range allFaults {
+		want := 1
+		if f == flipState || f == flipReport {
+			want = 0
+		}
+		if seen[f] != want {
+			t.Errorf("%q came %d times", f, seen[f])
+		}
+	}
+	if _, f, _ := s.delivery(func(fault) bool { return false }); f != none {
+		t.Errorf("%q came although nothing is taken", f)
 	}
 }

@@ -33,14 +33,15 @@ type disturber struct {
 
 	mu      sync.Mutex
 	damaged map[string]map[place]bool // by job: no segment twice
+	spoilt  map[string]bool           // tasks whose report was damaged: none twice
 	forgery *place                    // still to be done
-	aging   bool                      // a delivery becomes stale: one at a time, as a round waits for it
+	aging   bool                      // a message becomes stale: one at a time, as its job waits for it
 }
 
 func newDisturber(life context.Context, s *schedule, forgery *place, j *journal) *disturber {
 	return &disturber{
 		life: life, schedule: s, journal: j, forgery: forgery, passed: newWaiters(),
-		damaged: make(map[string]map[place]bool),
+		damaged: make(map[string]map[place]bool), spoilt: make(map[string]bool),
 	}
 }
 
@@ -54,7 +55,8 @@ type delivery struct {
 }
 
 func (d *disturber) deliver(ctx context.Context, to *passage, x parcel) (*farmv1.DeliverResponse, error) {
-	number, f, random := d.schedule.next()
+	segment, forge := d.mayForge(x)
+	number, f, random := d.schedule.delivery(func(f fault) bool { return !forge && d.takes(x, f) })
 	batch := x.header.GetBatch()
 	e := entry{
 		Number: number, Call: "deliver", Fault: string(f), Upstream: to.name,
@@ -64,20 +66,27 @@ func (d *disturber) deliver(ctx context.Context, to *passage, x parcel) (*farmv1
 		e.Segments = append(e.Segments, s.GetSegment())
 	}
 	v := &delivery{d: d, to: to, parcel: x, entry: e, random: random}
-	if segment, forge := d.mayForge(x); forge {
+	if forge {
 		v.entry.Fault = "forge"
 		return v.forge(ctx, segment)
-	}
-	if f.damages() && !d.mayDamage(x) {
-		v.entry.Fault, f = string(none), none
-	}
-	if f == stale && !d.mayAge() {
-		v.entry.Fault, f = string(none), none
 	}
 	return v.pass(ctx, f)
 }
 
-// mayAge tells whether no other delivery becomes stale now; the caller calls aged when this one did.
+// takes tells whether a delivery can have a fault. If so, it has.
+func (d *disturber) takes(x parcel, f fault) bool {
+	switch {
+	case f == stale:
+		return d.mayAge()
+	case f == flipState && !x.hasStates():
+		return false
+	case f.damages():
+		return d.mayDamage(x)
+	}
+	return true
+}
+
+// mayAge tells whether no other message becomes stale now; the caller calls aged when this one did.
 func (d *disturber) mayAge() bool {
 	d.mu.Lock()
 	defer d.mu.Unlock()
@@ -218,44 +227,6 @@ func (v *delivery) breakOff(ctx context.Context) (*farmv1.DeliverResponse, error
 	}
 	v.d.journal.write(e)
 	return nil, status.Error(codes.Unavailable, "the stream broke off")
-}
-
-func (d *disturber) report(ctx context.Context, to *passage, in *farmv1.ReportRequest) (*farmv1.ReportResponse, error) {
-	number, f, random := d.schedule.next()
-	if !f.fitsReports() || in.GetFailure() != nil {
-		f = none
-	}
-	e := entry{
-		Number: number, Call: "report", Fault: string(f), Upstream: to.name,
-		Worker: in.GetWorkerId(), Task: in.GetLease().GetTaskId(),
-	}
-	send := func(ctx context.Context, step string) (*farmv1.ReportResponse, error) {
-		e := e
-		e.Step, e.Sent = step, seconds(time.Now())
-		answer, err := to.upstream.Report(ctx, in)
-		d.journal.write(e.answered(answer.GetOutcome(), answer.GetMessage(), err))
-		return answer, err
-	}
-	if f == stale {
-		d.hidden.add(in.GetLease())
-		defer d.hidden.remove(in.GetLease())
-		wait(ctx, leaseTime)
-		return send(ctx, stepStale)
-	}
-	answer, err := send(ctx, stepIntact)
-	switch {
-	case err != nil:
-	case f == repeat:
-		_, _ = send(ctx, stepCopy)
-	case f == repeatLater:
-		go func() {
-			wait(d.life, time.Duration(2000+random.IntN(10000))*time.Millisecond)
-			ctx, cancel := context.WithTimeout(d.life, answerTime)
-			defer cancel()
-			_, _ = send(ctx, stepCopy)
-		}()
-	}
-	return answer, err
 }
 
 func wait(ctx context.Context, duration time.Duration) {

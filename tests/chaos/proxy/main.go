@@ -39,7 +39,7 @@ func run() error {
 	var routes stringsFlag
 	flag.Var(&routes, "route", "`LISTEN=UPSTREAM`, a coordinator and where workers find it; may be repeated")
 	seed := flag.Uint64("seed", 1, "of the schedule")
-	rate := flag.Float64("rate", 0.5, "share of deliveries and reports that are disturbed")
+	rate := flag.Float64("rate", 0.5, "share of deliveries that are disturbed; of reports it is half of that")
 	kinds := flag.String("faults", strings.Join(faultNames(), ","), "which ones, with commas")
 	forge := flag.String("forge", "", "`ROUND/SEGMENT` that the first worker to deliver it gets wrong, digests and all")
 	path := flag.String("journal", "journal.jsonl", "`FILE` of what was done")

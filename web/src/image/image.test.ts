@@ -10,6 +10,7 @@ import {
   noiseOf,
   parsePFM,
   pyramidOf,
+  toPicture,
 } from './pixels'
 import { aces, autoExposure, drawTo, falseIndex, fit, PALETTE, srgb, toneTable, zoom } from './tone'
 
@@ -144,4 +145,16 @@ it('keepRound keeps the first and the latest within its budget', () => {
   for (const round of [1, 2, 3, 4, 5]) kept = keepRound(kept, round, gray(1, 1, round), 36)
   expect([...kept.keys()]).toEqual([1, 4, 5])
   expect([...keepRound(kept, 6, gray(1, 1, 6), 0).keys()]).toEqual([1, 6])
+})
+
+it('toPicture goes by the head of the answer alone', () => {
+  const headers = new Headers({
+    ETag: '"abc"',
+    'Metrofarm-Rounds': '7',
+    'Metrofarm-Mutations': '1200',
+  })
+  const pixels = gray(1, 1, 0)
+  expect(toPicture(headers, pixels)).toEqual({ pixels, film: 'abc', round: 7, mutations: 1200 })
+  headers.set('ETag', 'W/"abc"') // of a proxy that compresses
+  expect(toPicture(headers, pixels).film).toBe('abc')
 })

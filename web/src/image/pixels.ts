@@ -7,6 +7,25 @@ export interface Pixels {
   rgb: Float32Array
 }
 
+/** An image with what it shows, as one answer told of both: the job goes on while one reads. */
+export interface Picture {
+  pixels: Pixels
+  film: string
+  /** Complete rounds, and the mutations in them. */
+  round: number
+  mutations: number
+}
+
+/** What an answer shows, by its head. */
+export function toPicture(headers: Headers, pixels: Pixels): Picture {
+  return {
+    pixels,
+    film: (headers.get('ETag') ?? '').replace(/^W\/|"/g, ''),
+    round: Number(headers.get('Metrofarm-Rounds')),
+    mutations: Number(headers.get('Metrofarm-Mutations')),
+  }
+}
+
 const HEAD = /^(PF|Pf)\s+(\d+)\s+(\d+)\s+(-?[\d.eE+]+)\s/
 
 /** Reads a portable float map; an error says what is wrong with it. */

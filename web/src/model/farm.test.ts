@@ -6,6 +6,8 @@ import type { JobQuery } from './farm'
 import {
   addListed,
   applyChange,
+  dropJob,
+  dropUnlisted,
   emptyFarm,
   selectJobs,
   sortedWorkers,
@@ -46,6 +48,29 @@ describe('applyChange', () => {
     const next = addListed(start, [wireJob({ id: 'j2', progress: 0.1 }), wireJob({ id: 'j3' })])
     expect(next.jobs.get('j2')?.percent).toBe(50)
     expect(next.jobs.has('j3')).toBe(true)
+  })
+})
+
+describe('deleted jobs', () => {
+  const done = (id: string, second: number) =>
+    wireJob({ id, state: 'done', created_at: `2026-01-01T00:00:0${second}Z` })
+  const start = addListed(emptyFarm, [done('c', 3), done('b', 2), done('a', 1)])
+  const idsOf = ({ jobs }: typeof start) => [...jobs.keys()].sort().join('')
+
+  it('do not come back with a list that was read before', () => {
+    const told = applyChange(start, change({ gone: ['b'] }))
+    expect(idsOf(addListed(told, [done('b', 2), done('d', 4)]))).toBe('acd')
+    expect(idsOf(addListed(dropJob(start, 'c'), [done('c', 3)]))).toBe('ab')
+  })
+
+  it('go when a whole list does not have them, but what is new or under way stays', () => {
+    const later = addListed(start, [done('n', 9), wireJob({ id: 'l' })])
+    expect(idsOf(dropUnlisted(later, start, [done('c', 3), done('a', 1)], true))).toBe('acln')
+  })
+
+  it('go only as far as an incomplete list reaches', () => {
+    expect(idsOf(dropUnlisted(start, start, [done('c', 3)], false))).toBe('abc')
+    expect(idsOf(dropUnlisted(start, start, [done('b', 2)], false))).toBe('ab')
   })
 })
 

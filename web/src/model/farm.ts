@@ -20,9 +20,15 @@ export interface Worker {
 export interface Farm {
   jobs: ReadonlyMap<string, Job>
   workers: ReadonlyMap<string, Worker>
+  /** Jobs that were deleted, which a list that is being read may still have. */
+  deleted: ReadonlySet<string>
 }
 
-export const emptyFarm: Farm = { jobs: new Map(), workers: new Map() }
+export const emptyFarm: Farm = {
+  jobs: new Map(),
+  workers: new Map(),
+  deleted: new Set(),
+}
 
 export function toWorker(wire: WireWorker): Worker {
   const conflicts = wire.conflicts > 0 ? `${wire.conflicts} conflicting batches` : ''
@@ -44,9 +50,35 @@ export function toWorker(wire: WireWorker): Worker {
 export function addListed(farm: Farm, wires: readonly WireJob[]): Farm {
   const jobs = new Map(farm.jobs)
   for (const wire of wires) {
-    if (!jobs.has(wire.id)) jobs.set(wire.id, toJob(wire))
+    if (!jobs.has(wire.id) && !farm.deleted.has(wire.id)) jobs.set(wire.id, toJob(wire))
   }
   return { ...farm, jobs }
+}
+
+/**
+ * Drops ended jobs that a list, read from its beginning, does not have: they were deleted while nobody
+ * told this page. Those that came since it began (before) stay; so do those older than its end, if there
+ * are more.
+ */
+export function dropUnlisted(
+  farm: Farm,
+  before: Farm,
+  listed: readonly WireJob[],
+  complete: boolean,
+): Farm {
+  const ids = new Set(listed.map(({ id }) => id))
+  const oldest = complete ? -Infinity : Math.min(...listed.map((w) => Date.parse(w.created_at)))
+  const kept = [...farm.jobs].filter(
+    ([id, job]) => ids.has(id) || !job.ended || !before.jobs.has(id) || job.created <= oldest,
+  )
+  return { ...farm, jobs: new Map(kept) }
+}
+
+/** Forgets a job that was deleted. */
+export function dropJob(farm: Farm, id: string): Farm {
+  const jobs = new Map(farm.jobs)
+  jobs.delete(id)
+  return { ...farm, jobs, deleted: new Set(farm.deleted).add(id) }
 }
 
 export function applyChange(farm: Farm, change: WireFarmChange): Farm {
@@ -62,7 +94,7 @@ export function applyChange(farm: Farm, change: WireFarmChange): Farm {
     jobs.delete(id)
     workers.delete(id)
   }
-  return { jobs, workers }
+  return { jobs, workers, deleted: new Set([...farm.deleted, ...change.gone]) }
 }
 
 /** Takes a job as an answer told of it. */

@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest'
 
 import { wireJob, wirePoint } from '../testing/wires'
 import type { WireJob } from '../wire'
-import { percentOf, replayCommand, toEvent, toJob, toPlan, toPoint } from './job'
+import { isBefore, percentOf, replayCommand, toEvent, toJob, toPlan, toPoint } from './job'
 
 describe('percentOf', () => {
   it.each([
@@ -118,8 +118,51 @@ describe('toPlan', () => {
   })
 })
 
-it('replayCommand repeats the job up to its round', () => {
-  const command = replayCommand(toJob(wireJob({ rounds_done: 7 })), 'http://farm')
-  expect(command).toContain('http://farm/v1/jobs/j1/plan')
-  expect(command).toContain('--resolved j1.json --rounds 7')
+describe('isBefore', () => {
+  const at = (refinements: number, rounds: number) =>
+    toJob(wireJob({ refinements, rounds_done: rounds }))
+
+  it('goes by refinements, then by rounds', () => {
+    expect(isBefore(at(0, 5), at(1, 4))).toBe(true)
+    expect(isBefore(at(1, 4), at(0, 5))).toBe(false)
+    expect(isBefore(at(1, 4), at(1, 5))).toBe(true)
+    expect(isBefore(at(1, 5), at(1, 5))).toBe(false)
+  })
+})
+
+describe('replayCommand', () => {
+  const job = toJob(wireJob({ rounds_done: 7 }))
+
+  it('repeats the job up to its round', () => {
+    expect(replayCommand(job, 'http://farm', false).split('\n')).toEqual([
+      "curl -sSf 'http://farm/v1/jobs/j1/plan' | jq -c .resolved > 'j1.json'",
+      "metrofarm submit SCENE --resolved 'j1.json' --rounds 7 --server 'http://farm'",
+    ])
+  })
+
+  it('shows the token that the shell has, and no other', () => {
+    expect(replayCommand(job, 'https://farm', true).split('\n')).toEqual([
+      'curl -sSf -H "Authorization: Bearer $METROFARM_TOKEN" ' +
+        "'https://farm/v1/jobs/j1/plan' | jq -c .resolved > 'j1.json'",
+      "metrofarm submit SCENE --resolved 'j1.json' --rounds 7 --server 'https://farm'",
+    ])
+  })
+
+  it('lets nothing in a name be a command', () => {
+    const odd = toJob(wireJob({ id: "a'b;$(x)", rounds_done: 1 }))
+    const [curl = '', submit = ''] = replayCommand(odd, "http://f'; x '", false).split('\n')
+    expect(curl).toBe(
+      String.raw`curl -sSf 'http://f'\''; x '\''/v1/jobs/a'\''b%3B%24(x)/plan' | ` +
+        String.raw`jq -c .resolved > 'a'\''b;$(x).json'`,
+    )
+    expect(submit).toBe(
+      String.raw`metrofarm submit SCENE --resolved 'a'\''b;$(x).json' --rounds 1 ` +
+        String.raw`--server 'http://f'\''; x '\'''`,
+    )
+  })
+
+  it('asks for a round even of a job that has none', () => {
+    const fresh = toJob(wireJob({ rounds_done: 0 }))
+    expect(replayCommand(fresh, 'http://farm', false)).toContain('--rounds 1 ')
+  })
 })

@@ -28,6 +28,8 @@ export interface Job {
   id: string
   name: string
   user: string
+  /** What it is a frame of. */
+  sequence: { id: string; frame: number } | null
   request: WireRequest
   priority: number
   state: string
@@ -43,6 +45,8 @@ export interface Job {
   note: string
   film: string | null
   rounds: number
+  /** How often it went on after it had ended. */
+  refinements: number
   target: number | null
   error: Estimate | null
   rate: number
@@ -116,6 +120,7 @@ export function toJob(wire: WireJob): Job {
     id: wire.id,
     name: wire.request.name ?? wire.request.entry,
     user: wire.user ?? '',
+    sequence: wire.sequence ?? null,
     request: wire.request,
     priority: wire.request.priority ?? 0,
     state: wire.state,
@@ -131,6 +136,7 @@ export function toJob(wire: WireJob): Job {
     note: [wire.error, wire.pause_reason, ...(wire.warnings ?? [])].filter(Boolean).join('\n'),
     film: wire.film_sha256 ?? null,
     rounds: wire.rounds_done,
+    refinements: wire.refinements ?? 0,
     target: wire.request.stop?.target_error ?? null,
     error: wire.rel_mse === undefined ? null : errorOf(wire.rel_mse, wire),
     rate: ended ? 0 : wire.mutations_per_second,
@@ -304,10 +310,24 @@ export function withInterval(e: Estimate): string {
   return `${short(e.value)} (${short(e.low)} to ${short(e.high)})`
 }
 
-/** The commands that repeat a job up to a round, and with it what went wrong there. */
-export function replayCommand(job: Job, origin: string): string {
+/** Whether a snapshot tells of a job as it was before another one: past events come first. */
+export const isBefore = (job: Job, other: Job) =>
+  job.refinements < other.refinements ||
+  (job.refinements === other.refinements && job.rounds < other.rounds)
+
+/** A word of a shell's command, which takes it as it is. */
+const quoted = (text: string) => `'${text.replaceAll("'", "'\\''")}'`
+
+/**
+ * The commands that repeat a job up to a round, and with it what went wrong there. Where the server asks
+ * for tokens they take it from METROFARM_TOKEN, as metrofarm does by itself: none is written down.
+ */
+export function replayCommand(job: Job, origin: string, tokens: boolean): string {
+  const shows = tokens ? '-H "Authorization: Bearer $METROFARM_TOKEN" ' : ''
+  const plan = quoted(`${origin}/v1/jobs/${encodeURIComponent(job.id)}/plan`)
+  const file = quoted(`${job.id}.json`)
   return (
-    `curl -s ${origin}/v1/jobs/${job.id}/plan | jq -c .resolved > ${job.id}.json\n` +
-    `metrofarm submit SCENE --resolved ${job.id}.json --rounds ${Math.max(1, job.rounds)} --server ${origin}`
+    `curl -sSf ${shows}${plan} | jq -c .resolved > ${file}\n` +
+    `metrofarm submit SCENE --resolved ${file} --rounds ${Math.max(1, job.rounds)} --server ${quoted(origin)}`
   )
 }

@@ -16,6 +16,8 @@ const document: WireInterface = {
           layers: { type: ['array', 'null'], 'x-choices': ['one', 'two'] },
           defaults: { type: 'object' },
           name: { type: 'string' },
+          shutter_open: { type: ['number', 'null'] },
+          shutter_curve: {},
         },
       },
       StopRules: { properties: { rounds: { type: 'integer' } } },
@@ -30,6 +32,8 @@ it('fieldsOf knows what each option takes; the main ones come first', () => {
   expect(new Map(fields.map(({ name, kind }) => [name, kind]))).toEqual(
     new Map([
       ['name', 'text'],
+      ['shutter_open', 'number'],
+      ['shutter_curve', 'text'],
       ['seed', 'number'],
       ['kernel', 'choice'],
       ['lenient', 'switch'],
@@ -78,6 +82,12 @@ describe('toRequest', () => {
 
   it('is undone by valuesOf', () => {
     expect(toRequest(scene, valuesOf(request, fields), fields)).toEqual(request)
+  })
+
+  it('keeps a shutter that opens at 0, with its curve', () => {
+    const given = { ...request, shutter_open: 0, shutter_curve: [0, 0.5, 1] }
+    const again = toRequest(scene, valuesOf(given, fields), fields)
+    expect(again).toEqual({ ...request, shutter_open: 0, shutter_curve: '0,0.5,1' })
   })
 })
 

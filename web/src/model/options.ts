@@ -84,8 +84,8 @@ export function valuesOf(request: WireRequest, fields: readonly Field[]): Record
 }
 
 function valueText(value: unknown, kind: FieldKind): string {
-  if (value === undefined || value === null || value === 0 || value === false) return ''
-  if (kind === 'list') return Array.isArray(value) ? value.join(',') : ''
+  if (value === undefined || value === null || value === false) return ''
+  if (Array.isArray(value)) return value.join(',')
   if (kind === 'pairs' && typeof value === 'object') {
     return Object.entries(value)
       .map(([name, word]) => `${name}=${String(word)}`)

@@ -3,6 +3,7 @@
 export type Route =
   | { page: 'farm' }
   | { page: 'job'; id: string }
+  | { page: 'sequence'; id: string }
   | { page: 'submit'; clone: string | null }
   | { page: 'compare'; ids: string[] }
 
@@ -12,6 +13,8 @@ export function parseRoute(hash: string): Route {
   switch (page) {
     case 'jobs':
       return words[0] === undefined ? { page: 'farm' } : { page: 'job', id: words[0] }
+    case 'sequences':
+      return words[0] === undefined ? { page: 'farm' } : { page: 'sequence', id: words[0] }
     case 'submit':
       return { page: 'submit', clone: words[0] ?? null }
     case 'compare':
@@ -35,6 +38,8 @@ export function formatRoute(route: Route): string {
       return '#/'
     case 'job':
       return `#/jobs/${encodeURIComponent(route.id)}`
+    case 'sequence':
+      return `#/sequences/${encodeURIComponent(route.id)}`
     case 'submit':
       return route.clone === null ? '#/submit' : `#/submit/${encodeURIComponent(route.clone)}`
     case 'compare':

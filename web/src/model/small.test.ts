@@ -32,6 +32,7 @@ describe('routes', () => {
   it.each([
     { page: 'farm' },
     { page: 'job', id: 'a/b %,' },
+    { page: 'sequence', id: 'seq-1' },
     { page: 'submit', clone: null },
     { page: 'submit', clone: 'j1' },
     { page: 'compare', ids: ['a', 'b'] },

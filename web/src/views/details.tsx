@@ -160,7 +160,14 @@ export function PlanCard({ plan }: { plan: Plan }) {
   )
 }
 
-export function Anomalies({ job, events }: { job: Job; events: JobEvent[] }) {
+interface AnomaliesProps {
+  job: Job
+  events: JobEvent[]
+  /** Whether the server asks for tokens. */
+  tokens: boolean
+}
+
+export function Anomalies({ job, events, tokens }: AnomaliesProps) {
   const total = job.anomalies.reduce((sum, { value }) => sum + value, 0)
   if (total === 0) {
     return (
@@ -176,7 +183,7 @@ export function Anomalies({ job, events }: { job: Job; events: JobEvent[] }) {
         Set to zero: {job.anomalies.map(({ name, value }) => `${value} ${name}`).join(', ')}. These
         commands repeat the job’s rounds, bit by bit, and what went wrong in them:
       </p>
-      <pre tabIndex={0}>{replayCommand(job, location.origin)}</pre>
+      <pre tabIndex={0}>{replayCommand(job, location.origin, tokens)}</pre>
       <ul class="log" tabIndex={0} aria-label="Samples of anomalies">
         {shown.map((event) => (
           <li key={event.sequence}>{event.message}</li>

@@ -254,6 +254,12 @@ function JobRow({ job, index, picked, pick, now }: JobRowProps) {
       <span role="cell" class="name">
         <a href={formatRoute({ page: 'job', id: job.id })}>{job.name}</a>
         <small>
+          {job.sequence !== null && (
+            <>
+              <a href={formatRoute({ page: 'sequence', id: job.sequence.id })}>sequence</a>
+              {' · '}
+            </>
+          )}
           {[job.integrator, job.size, job.user].filter(Boolean).join(' · ') || job.id}
           {job.stale ? ' · as last stored' : ''}
         </small>

@@ -3,7 +3,7 @@
 import { useEffect, useState } from 'preact/hooks'
 
 import { imagePath } from '../gateway'
-import type { Pixels } from '../image/pixels'
+import type { Picture, Pixels } from '../image/pixels'
 import { duration, metric, short } from '../model/format'
 import { PILOT_ROUNDS, timeToTarget } from '../model/convergence'
 import type { Job } from '../model/job'
@@ -37,7 +37,7 @@ export function JobView({ state, actions }: { state: State; actions: Actions }) 
         <TimelineCard job={job} events={page.events} />
         <Groups title="By path length" groups={job.lengths} />
         <Groups title="By technique" groups={job.techniques} />
-        <Anomalies job={job} events={page.events} />
+        <Anomalies job={job} events={page.events} tokens={state.session?.tokens === true} />
         {page.plan !== null && <PlanCard plan={page.plan} />}
         <Log events={page.events} />
       </div>
@@ -59,7 +59,13 @@ function JobHead({ job, page, state, actions }: Props) {
       <h1>{job.name}</h1>
       <JobBadge job={job} />
       <span class="muted id">{job.id}</span>
-      <JobButtons job={job} state={state} actions={actions} />
+      {page.deleted ? (
+        <p id="deleted" class="note bad" role="status">
+          This job was deleted. What this page had of it is below.
+        </p>
+      ) : (
+        <JobButtons job={job} state={state} actions={actions} />
+      )}
       <div class="job-progress">
         <Bar value={job.percent} label={`${job.percent} %`} />
         <span id="progress-text">
@@ -229,14 +235,16 @@ function RefineForm({ job, refine }: RefineProps) {
 function ImageCard({ job, page, state, actions }: Props) {
   const [mode, setMode] = useState<Mode>('image')
   const [other, setOther] = useState<Other | null>(null)
-  const [variance, setVariance] = useState<Pixels | null>(null)
+  const [noise, setNoise] = useState<Noise | null>(null)
   const [problem, setProblem] = useState('')
+  const { image } = page
   useEffect(() => {
-    if (mode !== 'noise') return
+    if (mode !== 'noise' || image === null) return
     let current = true
     actions.loadImage(job.id, 'variance').then(
-      (pixels) => {
-        if (current) setVariance(pixels)
+      (variance) => {
+        // Of another round than the image, it waits for that.
+        if (current && variance?.film === image.film) setNoise({ image, variance: variance.pixels })
       },
       () => {
         setProblem('The variance could not be read.')
@@ -245,7 +253,7 @@ function ImageCard({ job, page, state, actions }: Props) {
     return () => {
       current = false
     }
-  }, [mode, page.round])
+  }, [mode, image])
   const tools = (
     <>
       <a id="exr" href={imagePath(job.id, 'exr')} download={`${job.id}.exr`}>
@@ -259,7 +267,7 @@ function ImageCard({ job, page, state, actions }: Props) {
       </a>
     </>
   )
-  if (page.image === null) {
+  if (image === null) {
     return (
       <Card title="Image">
         <p class="empty">
@@ -270,10 +278,18 @@ function ImageCard({ job, page, state, actions }: Props) {
       </Card>
     )
   }
+  const shown = mode === 'noise' ? (noise?.image ?? image) : image
   const against = mode === 'slider' || mode === 'beside' || mode === 'difference'
   return (
-    <Card title={`Image after round ${page.round}`} tools={tools} class="image">
-      <Viewer image={page.image} other={other} variance={variance} mode={mode} setMode={setMode}>
+    <Card title={titleOf(shown)} tools={tools} class="image">
+      <Viewer
+        image={shown.pixels}
+        round={shown.round}
+        other={other}
+        variance={noise?.variance ?? null}
+        mode={mode}
+        setMode={setMode}
+      >
         {against && (
           <OtherPicker
             page={page}
@@ -294,6 +310,15 @@ function ImageCard({ job, page, state, actions }: Props) {
   )
 }
 
+/** An image with the variance of the same round. */
+interface Noise {
+  image: Picture
+  variance: Pixels
+}
+
+const titleOf = ({ round, mutations }: Picture) =>
+  `Image after round ${round}${mutations > 0 ? `, ${metric(mutations)} mutations` : ''}`
+
 interface PickerProps {
   page: JobPage
   state: State
@@ -306,13 +331,13 @@ interface PickerProps {
 /** Earlier rounds that the page has kept, other jobs, or a file. */
 function OtherPicker({ page, state, actions, other, choose, fail }: PickerProps) {
   const [chosen, setChosen] = useState('')
-  const rounds = [...page.rounds.keys()].filter((round) => round !== page.round).reverse()
+  const rounds = [...page.rounds.keys()].filter((round) => round !== page.image?.round).reverse()
   const jobs = [...state.farm.jobs.values()].filter(({ id, rounds: n }) => id !== page.id && n > 0)
-  const load = (label: string, pixels: Promise<Pixels>) => {
+  const load = (label: string, pixels: Promise<Pixels | undefined>) => {
     fail('')
     pixels.then(
       (loaded) => {
-        choose({ label, pixels: loaded })
+        if (loaded !== undefined) choose({ label, pixels: loaded })
       },
       (error: unknown) => {
         fail(error instanceof Error ? error.message : String(error))
@@ -324,7 +349,12 @@ function OtherPicker({ page, state, actions, other, choose, fail }: PickerProps)
     const kept = page.rounds.get(Number(key))
     const job = state.farm.jobs.get(key)
     if (kept !== undefined) choose({ label: `round ${key}`, pixels: kept })
-    else if (job !== undefined) load(job.name, actions.loadImage(job.id, 'color'))
+    else if (job !== undefined) {
+      load(
+        job.name,
+        actions.loadImage(job.id, 'color').then((picture) => picture?.pixels),
+      )
+    }
   }
   return (
     <>

@@ -12,6 +12,7 @@ import { useStore } from '../store'
 import { ComparePage } from './compare'
 import { FarmPage } from './farm'
 import { JobView } from './job'
+import { SequencePage } from './sequence'
 import { SubmitPage } from './submit'
 
 const TITLE = 'Metrofarm'
@@ -28,6 +29,12 @@ export function Page({ app }: { app: App }) {
       {state.connection === 'lost' && (
         <p class="stale" role="status">
           The coordinator does not answer. What is shown may be old; the page keeps trying.
+        </p>
+      )}
+      {state.connection !== 'lost' && state.unread.size > 0 && (
+        <p class="stale" role="status">
+          Could not read {[...state.unread].join(', ')}. What is shown may be old; the page keeps
+          trying.
         </p>
       )}
       {state.message !== '' && (
@@ -52,6 +59,8 @@ function Content({ state, actions }: { state: State; actions: Actions }) {
       return <FarmPage state={state} actions={actions} />
     case 'job':
       return <JobView state={state} actions={actions} />
+    case 'sequence':
+      return <SequencePage state={state} id={state.route.id} />
     case 'submit':
       return <SubmitPage state={state} actions={actions} clone={state.route.clone} />
     case 'compare':

@@ -1,7 +1,7 @@
 // The image: developed here from its floats, with a pixel's values under the cursor, beside or over
 // another one.
 
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks'
+import { useEffect, useLayoutEffect, useMemo, useRef, useState } from 'preact/hooks'
 
 import { short } from '../model/format'
 import type { Pixels, Pyramid } from '../image/pixels'
@@ -19,6 +19,8 @@ export interface Other {
 
 interface ViewerProps {
   image: Pixels
+  /** The round that image shows. */
+  round: number
   other: Other | null
   /** Variance of each pixel's mean, once it was asked for. */
   variance: Pixels | null
@@ -55,10 +57,12 @@ interface Scene {
   beside: boolean
   curve: Curve
   exposure: number
+  /** View, tone and round, as the canvas tells them once it shows them. */
+  name: string
 }
 
 export function Viewer(props: ViewerProps) {
-  const { image, other, variance, mode, setMode } = props
+  const { image, round, other, variance, mode, setMode } = props
   const [curve, setCurve] = useState<Curve>('srgb')
   const [manual, setManual] = useState<number | null>(null)
   const [split, setSplit] = useState(0.5)
@@ -73,12 +77,15 @@ export function Viewer(props: ViewerProps) {
   const measured = derived.kind !== null
   const exposure = manual ?? (measured ? 0 : autoExposure(image))
   const compared = mode === 'slider' || mode === 'beside'
+  const shownCurve = measured ? 'false' : curve
+  const shownMode = measured || (compared && second !== null) ? mode : 'image'
   const scene: Scene = {
+    name: `${shownMode} ${shownCurve} ${round}`,
     first,
     second: compared ? second : null,
     split: mode === 'beside' ? 0.5 : split,
     beside: mode === 'beside',
-    curve: measured ? 'false' : curve,
+    curve: shownCurve,
     exposure: measured ? (manual ?? 0) + MEASURED_STOPS : exposure,
   }
   return (
@@ -214,6 +221,10 @@ function Screen2D(props: ScreenProps) {
       resized.disconnect()
     }
   }, [])
+  useLayoutEffect(() => {
+    // What is on the canvas is of before this change, until it is painted again.
+    canvas.current?.removeAttribute('data-drawn')
+  })
   useEffect(() => {
     const frame = requestAnimationFrame(() => {
       if (canvas.current !== null) paint(canvas.current, size, scene, place)
@@ -353,6 +364,7 @@ function paint(
     context.fillStyle = '#fff'
     context.fillRect(middle - 1, 0, 2, height)
   }
+  canvas.dataset.drawn = scene.name
 }
 
 interface LegendProps {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/memory.h"
+
 namespace metrofarm::app {
 namespace {
 
@@ -33,10 +35,15 @@ TEST(ServeOptions, HaveDefaults) {
   const rpc::WorkerOptions& w = options.value().worker;
   EXPECT_EQ(w.grace_seconds, 20);
   EXPECT_EQ(w.scenes.max_bytes, uint64_t{10} << 30);
-  EXPECT_EQ(w.scenes.scene_memory, uint64_t{16} << 30);
+  EXPECT_EQ(w.scenes.scene_memory, available_memory() / 2);
   EXPECT_EQ(w.metrics, "");
   EXPECT_NE(w.credentials, nullptr);
   EXPECT_EQ(options.value().log_format, LogFormat::kText);
+}
+
+TEST(ServeOptions, ScenesMayTakeHalfOfTheMemory) {
+  EXPECT_EQ(default_scene_memory(uint64_t{8} << 30), uint64_t{4} << 30);
+  EXPECT_EQ(default_scene_memory(0), uint64_t{4} << 30) << "where it is not known";
 }
 
 TEST(ServeOptions, AreTaken) {

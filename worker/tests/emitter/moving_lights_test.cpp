@@ -179,16 +179,16 @@ TEST(MovingLights, SamplesAreWhatRaysMeet) {
         for (int lane = 0; lane < kLanes; ++lane)
           sampled.add(test::lane_set(s.valid, lane) ? lane_value(s.value.y, lane) : 0.0);
         const Vec3 direction = random.direction();
-        for (const double radiance : {light.look(receiver, direction).radiance})
-          met.add(4 * kPiDouble * radiance);
-        if (i >= 400 || !test::lane_set(s.valid, 0) || lane_value(xsimd::abs(s.cosine), 0) < 0.05)
+        met.add(4 * kPiDouble * light.look(receiver, direction).radiance);
+        if (i >= 400 || !test::lane_set(s.valid, 0) || lane_value(xsimd::abs(s.cosine), 0) < 0.15)
           continue;
         ++looked;
         const Met at = light.look(receiver, test::splat(test::lane_of(s.direction, 0)));
-        // Curved lights are aimed at from outside; a ray may pass by their outline.
+        // The ray that looks where a sample lies meets a curved light at a slightly different
+        // place, which a grazing view magnifies.
         if (!at.hit || std::fabs(at.pdf / lane_value(s.pdf_solid_angle, 0) - 1) > 1e-2) ++missed;
       }
-      if (looked > 0) EXPECT_LE(missed, looked / 20) << time;
+      if (looked > 0) EXPECT_LE(missed, looked / 50) << time;
       EXPECT_TRUE(test::same_mean(sampled, met, 1e-6)) << time;
     }
   }

@@ -36,6 +36,11 @@ std::vector<Case> cases() {
   all.push_back({"Straight", {{{0, kIdentity}, {1, translated(3, -2, 1)}}}, {0.25, 0.75}, 1e-6});
   all.push_back({"Turn", {{turn_key(0, kY, 0), turn_key(1, kY, 30)}}, {0, 1}, 1e-4});
   all.push_back({"ThreeTurns", {{turn_key(0, kY, 0), turn_key(1, kY, 1080)}}, {0, 1}, 3e-6});
+  // Poses that come back again and again, at the times one would look at first.
+  all.push_back({"FourTurns", {{turn_key(0, kY, 0), turn_key(1, kY, 1440)}}, {0, 1}, 3e-6});
+  scene::Motion there_and_back;
+  for (int i = 0; i <= 8; ++i) there_and_back.keys.push_back({i / 8.0, translated(i % 2, 0, 0)});
+  all.push_back({"ThereAndBack", there_and_back, {0, 1}, 1e-6});
   all.push_back({"ScaledAndMirrored",
                  {{{0, multiply(turned({1, 2, 3}, 20), scaled(-1, 2, 1))},
                    {1, multiply(turned({1, 2, 3}, 110), scaled(-2, 1, 1))}}},

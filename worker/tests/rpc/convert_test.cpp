@@ -189,6 +189,45 @@ TEST(ToSpec, LayersAreTakenWhereTheyHaveAMeaning) {
   EXPECT_NE(to_spec(spec, test::room()).error().message.find("layers"), std::string::npos);
 }
 
+TEST(ToSpec, TheShutterIsTheSensorsUnlessTheJobSaysOtherwise) {
+  scene::SceneDescription scene = test::room();
+  scene.sensor.shutter_open = 1;
+  scene.sensor.shutter_close = 3;
+  ResolvedSpec spec = good_spec();
+  EXPECT_EQ(to_spec(spec, scene).value().shutter.close, 3);
+  spec.set_shutter_open(0);
+  spec.set_shutter_close(0.5);
+  spec.set_shutter_curve(job::v1::SHUTTER_CURVE_TRAPEZOID);
+  spec.set_shutter_ramp_open(0.25);
+  spec.set_exposure(job::v1::EXPOSURE_CAMERA);
+  spec.set_rolling_shutter(-0.25);
+  const auto taken = to_spec(spec, scene);
+  ASSERT_TRUE(taken.ok()) << taken.error().to_string();
+  const sensor::ShutterSettings& s = taken.value().shutter;
+  EXPECT_EQ(s.open, 0);
+  EXPECT_EQ(s.close, 0.5);
+  EXPECT_EQ(s.curve, sensor::ShutterCurve::kTrapezoid);
+  EXPECT_EQ(s.ramp_open, 0.25);
+  EXPECT_EQ(s.exposure, sensor::Exposure::kCamera);
+  EXPECT_EQ(work_unit::interval_of(taken.value()), (motion::Interval{-0.25, 0.5}));
+}
+
+TEST(ToSpec, BadShuttersAreNamed) {
+  EXPECT_EQ(error_after([](ResolvedSpec& s) {
+              s.set_shutter_open(1);
+              s.set_shutter_close(0.5);
+            }),
+            "spec: shutter_close must not be before shutter_open");
+  EXPECT_EQ(error_after([](ResolvedSpec& s) { s.set_exposure(job::v1::EXPOSURE_CAMERA); }),
+            "spec: exposure camera needs a shutter_close later than shutter_open");
+  EXPECT_EQ(error_after([](ResolvedSpec& s) { s.add_shutter_samples(1); }),
+            "spec: shutter_samples must be empty unless shutter_curve is tabulated");
+  EXPECT_NE(error_after([](ResolvedSpec& s) {
+              s.set_shutter_curve(static_cast<job::v1::ShutterCurve>(9));
+            }),
+            "");
+}
+
 TEST(ToSpec, PathTracingNeedsNoKernel) {
   EXPECT_EQ(error_after([](ResolvedSpec& s) {
               s.set_integrator(job::v1::INTEGRATOR_PATH);

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "metrofarm/farm/v1/farm_service.grpc.pb.h"
+#include "rpc/checksum.h"
 #include "rpc/sha256.h"
 
 namespace metrofarm::test {
@@ -140,6 +141,10 @@ class FakeCoordinator::Service final : public FarmService::Service {
   Status Report(ServerContext* /*context*/, const ReportRequest* in, ReportResponse* out) override {
     const std::lock_guard lock(mutex);
     if (!workers_.contains(in->worker_id())) return unknown();
+    if (in->checksum() != rpc::checksum(*in)) {
+      out->set_outcome(OUTCOME_CONFLICT);
+      return Status::OK;
+    }
     if (in->has_failure()) account.failures.push_back(in->failure());
     settle(in->lease().task_id(), false);
     out->set_outcome(OUTCOME_COMMITTED);
@@ -180,9 +185,12 @@ class FakeCoordinator::Service final : public FarmService::Service {
     if (!workers_.contains(header.worker_id())) return unknown();
     const bool whole = tiles == header.batch().tile_count();
     ++account.batches;
+    bool sound = true;
     for (const SegmentResult& segment : header.batch().segments())
-      if (settle(segment.lease().task_id(), false) && whole) ++account.delivered;
-    out->set_outcome(whole ? OUTCOME_COMMITTED : OUTCOME_REJECTED);
+      sound = sound && segment.checksum() == rpc::checksum(segment);
+    for (const SegmentResult& segment : header.batch().segments())
+      if (settle(segment.lease().task_id(), false) && whole && sound) ++account.delivered;
+    out->set_outcome(!sound ? OUTCOME_CONFLICT : whole ? OUTCOME_COMMITTED : OUTCOME_REJECTED);
     return Status::OK;
   }
 

@@ -76,7 +76,7 @@ TEST(Include, ErrorsNameTheIncludedFile) {
   directory.write("part.xml", "<scene version=\"3.0.0\">\n\n<shape type=\"spere\"/></scene>");
   EXPECT_EQ(error_of(directory, "<include filename=\"part.xml\"/>"),
             "part.xml:3: shape \"spere\" is not supported; did you mean \"sphere\"? (supported: "
-            "rectangle, cube, sphere, disk, cylinder, obj, ply, serialized)");
+            "rectangle, cube, sphere, disk, cylinder, obj, ply, serialized, deformable)");
 }
 
 TEST(Include, MissingFileAndCyclesAreErrors) {

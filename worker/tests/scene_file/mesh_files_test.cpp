@@ -190,6 +190,57 @@ TEST(Ply, ReadsAttributesOfVerticesAndFaces) {
   EXPECT_EQ(mesh.attributes[2].values, (Floats{0.1F, 0.2F, 0.3F, 0.1F, 0.2F, 0.3F}));
 }
 
+// ---- ply files that are keys of a mesh that deforms ----
+
+std::string flat_ply(int vertices, const std::string& height) {
+  std::string file = "ply\nformat ascii 1.0\nelement vertex " + std::to_string(vertices) +
+                     "\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+                     "property list uchar int vertex_indices\nend_header\n";
+  for (int i = 0; i < vertices; ++i)
+    file += std::to_string(i % 2) + " " + std::to_string(i / 2) + " " + height + "\n";
+  return file + "3 0 1 2\n";
+}
+
+std::string deformable(const std::string& files, const std::string& times) {
+  return "<shape type=\"deformable\">\n<string name=\"filename\" value=\"" + files +
+         "\"/>\n<string name=\"times\" value=\"" + times + "\"/></shape>";
+}
+
+TEST(Deformable, IsMadeOfItsFilesInTheOrderOfTime) {
+  const Directory directory;
+  directory.write("a.ply", flat_ply(4, "1"));
+  directory.write("b.ply", flat_ply(4, "5"));
+  const auto scene = load_text(directory, scene_around(deformable("b.ply, a.ply", "2 0.5")));
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const scene::Shape& shape = scene.value().shapes[0];
+  EXPECT_EQ(shape.key_times, (std::vector<double>{0.5, 2}));
+  const auto& mesh = std::get<scene::TriangleMesh>(shape.geometry);
+  ASSERT_EQ(mesh.keys.size(), 2U);
+  EXPECT_EQ(mesh.keys[0].positions[2], 1);
+  EXPECT_EQ(mesh.keys[1].positions[2], 5);
+  EXPECT_EQ(mesh.positions, mesh.keys[0].positions);
+}
+
+TEST(Deformable, Errors) {
+  const Directory directory;
+  directory.write("a.ply", flat_ply(4, "1"));
+  directory.write("b.ply", flat_ply(5, "5"));
+  const auto error = [&](const std::string& files, const std::string& times) {
+    return error_of(directory, deformable(files, times));
+  };
+  const std::string usage =
+      "scene.xml:2: shape \"deformable\" needs a \"filename\" with two or more ply files between "
+      "commas, and \"times\" with as many numbers";
+  EXPECT_EQ(error("a.ply", "0"), usage);
+  EXPECT_EQ(error("a.ply, a.ply", "0"), usage);
+  EXPECT_EQ(error("a.ply, a.ply", "0, x"), usage);
+  EXPECT_EQ(error("a.ply, a.ply", "1, 1"),
+            "scene.xml:4: two files of shape \"deformable\" have the same time");
+  EXPECT_NE(error("a.ply, b.ply", "0, 1").find("has other vertices or faces than"),
+            std::string::npos)
+      << error("a.ply, b.ply", "0, 1");
+}
+
 // Two faces of a roof that meet at a right angle.
 TEST(Obj, MaxSmoothAngleSplitsSharpEdges) {
   const std::string roof = "v 2 0 0\nv 2 1 0\nv 3 0 1\nv 1 0 1\nf 5 6 8\nf 5 7 6\n";

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "scene_file/affine.h"
 #include "support.h"
 
 namespace metrofarm::scene_file::test {

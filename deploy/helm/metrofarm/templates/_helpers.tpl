@@ -82,6 +82,17 @@ topologySpreadConstraints:
 {{ join "," $all }}
 {{- end }}
 
+{{/* metrofarm.mebibytes: of a quantity of memory such as 8Gi, 1.5G, 500M or a number of bytes */}}
+{{- define "metrofarm.mebibytes" -}}
+{{- $number := regexFind "^[0-9]+([.][0-9]+)?" (toString .) -}}
+{{- $unit := trimPrefix $number (toString .) -}}
+{{- $bytes := dict "" 1.0 "k" 1e3 "M" 1e6 "G" 1e9 "T" 1e12 "Ki" 1024.0 "Mi" 1048576.0 "Gi" 1073741824.0 "Ti" 1099511627776.0 -}}
+{{- if or (not $number) (not (hasKey $bytes $unit)) -}}
+{{- fail (printf "%v is no amount of memory; write it as 8Gi or 8192Mi" .) -}}
+{{- end -}}
+{{- divf (mulf (float64 $number) (get $bytes $unit)) 1048576.0 | floor | int64 -}}
+{{- end }}
+
 {{- define "metrofarm.check" -}}
 {{- if and (not .Values.redis.enabled) (not .Values.redis.url) (not .Values.redis.urlSecret) -}}
 {{- fail "redis.enabled is false: set redis.url or redis.urlSecret" -}}

@@ -2,6 +2,7 @@ package fakeworker
 
 import (
 	"context"
+	"errors"
 	"slices"
 
 	"google.golang.org/protobuf/proto"
@@ -23,7 +24,10 @@ const (
 	Truncated       // announce more tiles than follow
 	Forged          // change a value and the header's digest
 	Abandoned       // break the stream off
+	Failing         // report that the tasks cannot be done
 )
+
+var errFailing = errors.New("this worker does no such task")
 
 func (w *Worker) deliver(ctx context.Context, header *farmv1.BatchHeader, tiles []*farmv1.Tile) error {
 	fault := None
@@ -48,6 +52,13 @@ func (w *Worker) deliver(ctx context.Context, header *farmv1.BatchHeader, tiles 
 		tiles = tiles[1:]
 	case Abandoned:
 		return w.breakOff(ctx, header, tiles)
+	case Failing:
+		for _, s := range header.GetSegments() {
+			if err := w.fail(ctx, s.GetLease(), errFailing); err != nil {
+				return err
+			}
+		}
+		return nil
 	}
 	_, err := w.Send(ctx, header, tiles)
 	return err

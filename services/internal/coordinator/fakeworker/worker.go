@@ -16,6 +16,7 @@ import (
 	"google.golang.org/grpc/codes"
 	"google.golang.org/grpc/status"
 
+	"metrofarm/services/checksum"
 	farmv1 "metrofarm/services/gen/metrofarm/farm/v1"
 	jobv1 "metrofarm/services/gen/metrofarm/job/v1"
 	scenev1 "metrofarm/services/gen/metrofarm/scene/v1"
@@ -58,6 +59,8 @@ type Worker struct {
 	// Leaves tells to give back what is held when Run ends, as workers do that are told to end; else
 	// they vanish, which speaks against the tasks they held.
 	Leaves bool
+	// CPUSeconds that it reports for each batch; 0 means 0.01.
+	CPUSeconds float64
 	// StateBytes of each chain group; at least 8.
 	StateBytes int
 	// Film makes the tiles of a batch that has this digest, in place of those that were splatted.
@@ -245,6 +248,11 @@ func (w *Worker) report(ctx context.Context, task *farmv1.Task) error {
 	case *farmv1.Task_KernelTrials:
 		request.Result = &farmv1.ReportRequest_KernelTrials{KernelTrials: tryKernels(work.KernelTrials)}
 	}
+	return w.sendReport(ctx, request)
+}
+
+func (w *Worker) sendReport(ctx context.Context, request *farmv1.ReportRequest) error {
+	request.Checksum = checksum.Of(request)
 	_, err := w.Client.Report(ctx, request)
 	return err
 }
@@ -307,7 +315,8 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	for _, number := range rounds {
 		header, tiles, err := w.render(number, byRound[number])
 		if err != nil {
-			return w.fail(ctx, byRound[number][0], err)
+			first := byRound[number][0]
+			return w.fail(ctx, &farmv1.LeaseRef{TaskId: first.GetTaskId(), Epoch: first.GetEpoch()}, err)
 		}
 		if w.Rendered != nil {
 			w.Rendered(header, tiles)
@@ -320,14 +329,13 @@ func (w *Worker) renderAll(ctx context.Context, tasks []*farmv1.Task) error {
 	return nil
 }
 
-func (w *Worker) fail(ctx context.Context, task *farmv1.Task, cause error) error {
-	_, err := w.Client.Report(ctx, &farmv1.ReportRequest{
-		WorkerId: w.id, Lease: &farmv1.LeaseRef{TaskId: task.GetTaskId(), Epoch: task.GetEpoch()},
+func (w *Worker) fail(ctx context.Context, lease *farmv1.LeaseRef, cause error) error {
+	return w.sendReport(ctx, &farmv1.ReportRequest{
+		WorkerId: w.id, Lease: lease,
 		Result: &farmv1.ReportRequest_Failure{Failure: &farmv1.TaskFailure{
 			Reason: farmv1.FailureReason_FAILURE_REASON_REPLAY, Message: cause.Error(),
 		}},
 	})
-	return err
 }
 
 func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeader, []*farmv1.Tile, error) {
@@ -336,7 +344,7 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 	if w.Film != nil {
 		c.tiles = nil
 	}
-	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: 0.01}
+	header := &farmv1.BatchHeader{JobId: tasks[0].GetJobId(), Round: number, CpuSeconds: cmp.Or(w.CPUSeconds, 0.01)}
 	for _, t := range tasks {
 		var result *farmv1.SegmentResult
 		if chains := t.GetChains(); chains != nil {
@@ -362,6 +370,7 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 			result.Digest += c.add(0, 0, 0, 0, 0, w.Lie)
 		}
 		result.Lease = &farmv1.LeaseRef{TaskId: t.GetTaskId(), Epoch: t.GetEpoch()}
+		result.Checksum = checksum.Of(result)
 		header.Segments = append(header.Segments, result)
 		header.Digest += result.GetDigest()
 	}

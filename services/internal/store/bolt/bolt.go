@@ -13,6 +13,7 @@ import (
 	"os"
 	"path/filepath"
 	"slices"
+	"strconv"
 	"sync"
 	"time"
 
@@ -45,6 +46,8 @@ type Store struct {
 	mu      sync.Mutex // over each method; taken before a transaction
 	leases  map[string]lease
 	members map[string]membership
+	changes []store.Change // the latest, at most store.MaxChanges
+	changed uint64         // how many there were of this process
 }
 
 var _ store.Store = (*Store)(nil)
@@ -182,10 +185,12 @@ func putKey(tx *bbolt.Tx, key, id, fingerprint string) error {
 func (s *Store) UpdateJob(_ context.Context, epoch uint64, r store.Record, events []job.Event) error {
 	s.mu.Lock()
 	defer s.mu.Unlock()
+	goesOn := false
 	err := s.update(epoch, r.ID, func(tx *bbolt.Tx, _ *ownership) error {
 		jobs := tx.Bucket(jobsBucket)
 		var old struct {
-			Revision uint64 `json:"revision"`
+			Revision uint64    `json:"revision"`
+			State    job.State `json:"state"`
 		}
 		if _, err := getJSON(jobs, []byte(r.ID), &old); err != nil {
 			return err
@@ -196,11 +201,15 @@ func (s *Store) UpdateJob(_ context.Context, epoch uint64, r store.Record, event
 		case r.Revision == old.Revision:
 			return nil
 		}
+		goesOn = old.State.Ended() && !r.State.Ended()
 		if err := putJSON(jobs, []byte(r.ID), r); err != nil || len(events) == 0 {
 			return err
 		}
 		return appendEvents(tx, r.ID, events)
 	})
+	if err == nil && goesOn {
+		s.note(store.Change{ID: r.ID})
+	}
 	return wrap("update job", err)
 }
 
@@ -263,6 +272,7 @@ func (s *Store) DeleteJob(_ context.Context, epoch uint64, id string) error {
 	})
 	if err == nil {
 		delete(s.leases, id)
+		s.note(store.Change{ID: id, Deleted: true})
 	}
 	return wrap("delete job", err)
 }
@@ -360,6 +370,31 @@ func (s *Store) Events(_ context.Context, id string, after uint64) ([]job.Event,
 		return nil
 	})
 	return events, wrap("events", err)
+}
+
+// note keeps a change for those who ask; they are of this process as the marks are. Requires: mu.
+func (s *Store) note(change store.Change) {
+	s.changed++
+	s.changes = append(s.changes, change)
+	if extra := len(s.changes) - store.MaxChanges; extra > 0 {
+		s.changes = slices.Delete(s.changes, 0, extra)
+	}
+}
+
+// Changes implements store.Store. A mark is how many there were.
+func (s *Store) Changes(_ context.Context, mark string) ([]store.Change, string, error) {
+	s.mu.Lock()
+	defer s.mu.Unlock()
+	next := strconv.FormatUint(s.changed, 10)
+	if mark == "" {
+		return nil, next, nil
+	}
+	seen, err := strconv.ParseUint(mark, 10, 64)
+	if err != nil {
+		return nil, "", wrap("changes", err)
+	}
+	fresh := min(int(s.changed-seen), len(s.changes))
+	return slices.Clone(s.changes[len(s.changes)-fresh:]), next, nil
 }
 
 func bigEndian(n uint64) []byte { return binary.BigEndian.AppendUint64(nil, n) }

@@ -114,25 +114,32 @@ func (s *Store) CreateJob(ctx context.Context, c store.Claim, r store.Record, ke
 }
 
 // updateScript replaces a record and appends events, those that are not there yet: a caller that did
-// not hear of an update's success sends its events again.
+// not hear of an update's success sends its events again. That a job which had ended goes on is noted
+// among the changes.
 //
 //	KEYS[1]  job:ID
 //	KEYS[2]  events:ID
+//	KEYS[3]  changes
 //	ARGV[1]  epoch of the caller
 //	ARGV[2]  revision
 //	ARGV[3]  '1' if the job has ended, else empty
 //	ARGV[4]  record
-//	ARGV[5]  state
-//	ARGV[6]  how many events to keep
-//	ARGV[7]  sequence of the first event, ARGV[8] the event, and so on
+//	ARGV[5]  how many events to keep
+//	ARGV[6]  how many changes to keep
+//	ARGV[7]  id
+//	ARGV[8]  state
+//	ARGV[9]  sequence of the first event, ARGV[10] the event, and so on
 //	returns  {'ok'}, {'fenced'}, {'missing'}
 var updateScript = goredis.NewScript(luaFence + `
 local revision, stored = tonumber(ARGV[2]), tonumber(redis.call('HGET', KEYS[1], 'revision'))
 if revision < stored then return {'fenced'} end
 if revision == stored then return {'ok'} end
-redis.call('HSET', KEYS[1], 'record', ARGV[4], 'revision', ARGV[2], 'ended', ARGV[3], 'state', ARGV[5])
+if ARGV[3] == '' and redis.call('HGET', KEYS[1], 'ended') == '1' then
+  redis.call('XADD', KEYS[3], 'MAXLEN', '~', ARGV[6], '*', 'id', ARGV[7], 'deleted', '')
+end
+redis.call('HSET', KEYS[1], 'record', ARGV[4], 'revision', ARGV[2], 'ended', ARGV[3], 'state', ARGV[8])
 local last = tonumber(redis.call('HGET', KEYS[1], 'last'))
-for i = 7, #ARGV, 2 do
+for i = 9, #ARGV, 2 do
   local sequence = tonumber(ARGV[i])
   if sequence > last then
     redis.call('XADD', KEYS[2], ARGV[i] .. '-0', 'e', ARGV[i + 1])
@@ -140,7 +147,7 @@ for i = 7, #ARGV, 2 do
     last = sequence
   end
 end
-if #ARGV > 6 then redis.call('XTRIM', KEYS[2], 'MAXLEN', ARGV[6]) end
+if #ARGV > 8 then redis.call('XTRIM', KEYS[2], 'MAXLEN', ARGV[5]) end
 return {'ok'}
 `)
 
@@ -154,7 +161,7 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 	if r.State.Ended() {
 		ended = "1"
 	}
-	args := []any{epoch, r.Revision, ended, record, string(r.State), store.MaxEvents}
+	args := []any{epoch, r.Revision, ended, record, store.MaxEvents, store.MaxChanges, r.ID, string(r.State)}
 	for _, e := range events {
 		text, err := json.Marshal(e)
 		if err != nil {
@@ -162,7 +169,8 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 		}
 		args = append(args, e.Sequence, text)
 	}
-	_, err = s.run(ctx, updateScript, []string{s.jobKey(r.ID), s.eventsKey(r.ID)}, args...)
+	keys := []string{s.jobKey(r.ID), s.eventsKey(r.ID), s.key("changes")}
+	_, err = s.run(ctx, updateScript, keys, args...)
 	return wrapJob("update job", r.ID, err)
 }
 
@@ -173,10 +181,12 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 //	KEYS[3]  order
 //	KEYS[4]  leases
 //	KEYS[5]  keys
-//	KEYS[6]  sequences
-//	KEYS[7]  sequence:ID, if the job is a frame of one
+//	KEYS[6]  changes
+//	KEYS[7]  sequences
+//	KEYS[8]  sequence:ID, if the job is a frame of one
 //	ARGV[1]  epoch of the caller
 //	ARGV[2]  id
+//	ARGV[3]  how many changes to keep
 //	returns  {'ok'}, {'fenced'}, {'missing'}
 var deleteScript = goredis.NewScript(luaFence + `
 local key = redis.call('HGET', KEYS[1], 'key')
@@ -184,11 +194,12 @@ if key ~= '' then redis.call('HDEL', KEYS[5], key) end
 redis.call('ZREM', KEYS[3], ARGV[2])
 redis.call('ZREM', KEYS[4], ARGV[2])
 redis.call('DEL', KEYS[1], KEYS[2])
-if KEYS[7] and redis.call('HINCRBY', KEYS[7], 'left', -1) <= 0 then
-  local sequence = redis.call('HMGET', KEYS[7], 'id', 'key')
+redis.call('XADD', KEYS[6], 'MAXLEN', '~', ARGV[3], '*', 'id', ARGV[2], 'deleted', '1')
+if KEYS[8] and redis.call('HINCRBY', KEYS[8], 'left', -1) <= 0 then
+  local sequence = redis.call('HMGET', KEYS[8], 'id', 'key')
   if sequence[2] ~= '' then redis.call('HDEL', KEYS[5], sequence[2]) end
-  redis.call('ZREM', KEYS[6], sequence[1])
-  redis.call('DEL', KEYS[7])
+  redis.call('ZREM', KEYS[7], sequence[1])
+  redis.call('DEL', KEYS[8])
 end
 return {'ok'}
 `)
@@ -196,7 +207,9 @@ return {'ok'}
 // DeleteJob implements store.Store. A deletion whose answer was lost succeeds when it is repeated
 // within this call; a later call finds no job.
 func (s *Store) DeleteJob(ctx context.Context, epoch uint64, id string) error {
-	keys := []string{s.jobKey(id), s.eventsKey(id), s.key("order"), s.key("leases"), s.key("keys"), s.key("sequences")}
+	keys := []string{
+		s.jobKey(id), s.eventsKey(id), s.key("order"), s.key("leases"), s.key("keys"), s.key("changes"), s.key("sequences"),
+	}
 	var sequence string // a job never changes it
 	err := s.try(ctx, func(ctx context.Context) (err error) {
 		if sequence, err = s.client.HGet(ctx, s.jobKey(id), "sequence").Result(); errors.Is(err, goredis.Nil) {
@@ -210,7 +223,7 @@ func (s *Store) DeleteJob(ctx context.Context, epoch uint64, id string) error {
 	if sequence != "" {
 		keys = append(keys, s.sequenceKey(sequence))
 	}
-	err = s.runOnce(ctx, job.ErrNotFound, deleteScript, keys, epoch, id)
+	err = s.runOnce(ctx, job.ErrNotFound, deleteScript, keys, epoch, id, store.MaxChanges)
 	return wrapJob("delete job", id, err)
 }
 
@@ -349,4 +362,45 @@ func (s *Store) Events(ctx context.Context, id string, after uint64) ([]job.Even
 		}
 	}
 	return events, nil
+}
+
+// firstMark is before all entries of a stream.
+const firstMark = "0-0"
+
+// Changes implements store.Store. A mark is the id of the last entry.
+func (s *Store) Changes(ctx context.Context, mark string) ([]store.Change, string, error) {
+	if mark == "" {
+		mark, err := s.lastChange(ctx)
+		return nil, mark, wrap("changes", err)
+	}
+	var entries []goredis.XMessage
+	err := s.try(ctx, func(ctx context.Context) (err error) {
+		entries, err = s.client.XRange(ctx, s.key("changes"), mark, "+").Result()
+		return err
+	})
+	if err != nil {
+		return nil, "", wrap("changes", err)
+	}
+	var changes []store.Change
+	for _, entry := range entries {
+		if entry.ID != mark {
+			changes = append(changes, store.Change{ID: fmt.Sprint(entry.Values["id"]), Deleted: entry.Values["deleted"] == "1"})
+		}
+	}
+	if len(entries) > 0 {
+		mark = entries[len(entries)-1].ID
+	}
+	return changes, mark, nil
+}
+
+func (s *Store) lastChange(ctx context.Context) (string, error) {
+	var last []goredis.XMessage
+	err := s.try(ctx, func(ctx context.Context) (err error) {
+		last, err = s.client.XRevRangeN(ctx, s.key("changes"), "+", "-", 1).Result()
+		return err
+	})
+	if err != nil || len(last) == 0 {
+		return firstMark, err
+	}
+	return last[0].ID, nil
 }

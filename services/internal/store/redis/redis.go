@@ -18,6 +18,7 @@
 //	{prefix}:sequences    sorted set, ids of sequences by number
 //	{prefix}:sequence:ID  hash: id, record (store.Sequence in JSON), number, left (how many of its jobs
 //	                      there are), key
+//	{prefix}:changes      stream of jobs at rest that were deleted or go on: fields id, deleted ("1" or empty)
 //	{prefix}:events:ID    stream, ids are SEQUENCE-0, field "e" is job.Event in JSON
 package redis
 

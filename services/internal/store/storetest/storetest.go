@@ -39,6 +39,7 @@ func Run(t *testing.T, newSite func(t *testing.T) Site) {
 		"leases run out":                     testExpiry,
 		"beats renew leases":                 testRenewal,
 		"a lease that nobody took goes on":   testLateRenewal,
+		"changes of jobs at rest are told":   testChanges,
 		"release and leave":                  testRelease,
 		"ended jobs wait for nobody":         testSettled,
 		"members come and go":                testMembers,
@@ -341,5 +342,52 @@ func testOrder(t *testing.T, site Site) {
 		if want := fmt.Sprintf("job-%d", 100-total+1+i); j.ID != want {
 			t.Errorf("job %d is %s, not %s", i, j.ID, want)
 		}
+	}
+}
+
+func changes(t *testing.T, s store.Store, mark string) ([]store.Change, string) {
+	t.Helper()
+	found, next, err := s.Changes(context.Background(), mark)
+	check(t, err)
+	return found, next
+}
+
+func testChanges(t *testing.T, site Site) {
+	ctx, s := context.Background(), site.Open(t)
+	defer s.Close()
+	none, begin := changes(t, s, "")
+	rest := func(id string) store.Record {
+		r, _ := create(t, s, "m", id, "", "")
+		r.State, r.Revision = job.Done, 1
+		update(t, s, 1, r)
+		check(t, s.Release(ctx, 1, id))
+		return r
+	}
+	refined := rest("a")
+	rest("b")
+	quiet, mark := changes(t, s, begin)
+	if len(none)+len(quiet) != 0 {
+		t.Errorf("%v and %v before anything happened to a job at rest", none, quiet)
+	}
+	_, epoch := acquire(t, s, "m", "a")
+	refined.State, refined.Revision = job.Rendering, 2
+	update(t, s, epoch, refined)
+	refined.Revision++
+	update(t, s, epoch, refined)
+	_, epoch = acquire(t, s, "n", "b")
+	check(t, s.DeleteJob(ctx, epoch, "b"))
+	want := []store.Change{{ID: "a"}, {ID: "b", Deleted: true}}
+	told, last := changes(t, s, mark)
+	if !reflect.DeepEqual(told, want) {
+		t.Errorf("changes %v, want %v", told, want)
+	}
+	if again, _ := changes(t, s, begin); !reflect.DeepEqual(again, want) {
+		t.Errorf("changes %v to who asks from the beginning", again)
+	}
+	if after, same := changes(t, s, last); len(after) != 0 || same != last {
+		t.Errorf("%v after the last, and mark %q after %q", after, same, last)
+	}
+	if now, same := changes(t, s, ""); len(now) != 0 || same != last {
+		t.Errorf("%v to who begins now at %q, the last being %q", now, same, last)
 	}
 }

@@ -147,8 +147,8 @@ const (
 	// Not counted: the job ended, or part of it was counted before. Forget the work; what is missing
 	// is leased again.
 	Outcome_OUTCOME_SUPERSEDED Outcome = 3
-	// Not counted: digests disagree with each other, with what was counted or with what another worker
-	// rendered. Discard caches of this job, then go on.
+	// Not counted: checksums or digests disagree with what they are of, with what was counted or with
+	// what another worker rendered. Discard caches of this job, then go on.
 	Outcome_OUTCOME_CONFLICT Outcome = 4
 	// Not counted: malformed. The message says why; report it and do not repeat the batch.
 	Outcome_OUTCOME_REJECTED Outcome = 5
@@ -1078,7 +1078,10 @@ type ReportRequest struct {
 	//	*ReportRequest_Bootstrap
 	//	*ReportRequest_Failure
 	//	*ReportRequest_KernelTrials
-	Result        isReportRequest_Result `protobuf_oneof:"result"`
+	Result isReportRequest_Result `protobuf_oneof:"result"`
+	// Checksum of all other fields, as in SegmentResult.checksum. Where it does not fit them, the
+	// report is answered OUTCOME_CONFLICT.
+	Checksum      uint64 `protobuf:"fixed64,7,opt,name=checksum,proto3" json:"checksum,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1168,6 +1171,13 @@ func (x *ReportRequest) GetKernelTrials() *KernelTrialsResult {
 		}
 	}
 	return nil
+}
+
+func (x *ReportRequest) GetChecksum() uint64 {
+	if x != nil {
+		return x.Checksum
+	}
+	return 0
 }
 
 type isReportRequest_Result interface {
@@ -1663,14 +1673,15 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"cpuSeconds\"a\n" +
 	"\vTaskFailure\x128\n" +
 	"\x06reason\x18\x01 \x01(\x0e2 .metrofarm.farm.v1.FailureReasonR\x06reason\x12\x18\n" +
-	"\amessage\x18\x02 \x01(\tR\amessage\"\xf0\x02\n" +
+	"\amessage\x18\x02 \x01(\tR\amessage\"\x8c\x03\n" +
 	"\rReportRequest\x12\x1b\n" +
 	"\tworker_id\x18\x01 \x01(\tR\bworkerId\x121\n" +
 	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x127\n" +
 	"\x05scene\x18\x03 \x01(\v2\x1f.metrofarm.scene.v1.SceneReportH\x00R\x05scene\x12B\n" +
 	"\tbootstrap\x18\x04 \x01(\v2\".metrofarm.farm.v1.BootstrapResultH\x00R\tbootstrap\x12:\n" +
 	"\afailure\x18\x05 \x01(\v2\x1e.metrofarm.farm.v1.TaskFailureH\x00R\afailure\x12L\n" +
-	"\rkernel_trials\x18\x06 \x01(\v2%.metrofarm.farm.v1.KernelTrialsResultH\x00R\fkernelTrialsB\b\n" +
+	"\rkernel_trials\x18\x06 \x01(\v2%.metrofarm.farm.v1.KernelTrialsResultH\x00R\fkernelTrials\x12\x1a\n" +
+	"\bchecksum\x18\a \x01(\x06R\bchecksumB\b\n" +
 	"\x06result\"`\n" +
 	"\x0eReportResponse\x124\n" +
 	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +

@@ -58,7 +58,7 @@ type FarmServiceClient interface {
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the
 	// header excepted where chain states make it longer (up to 64 MiB). The coordinator reads nothing
 	// of it before it has room. RESOURCE_EXHAUSTED: two others of this worker are not answered yet;
-	// repeat it later.
+	// repeat it later. UNAVAILABLE: no message came for 30 s; deliver it again.
 	Deliver(ctx context.Context, opts ...grpc.CallOption) (grpc.ClientStreamingClient[DeliverRequest, DeliverResponse], error)
 }
 
@@ -180,7 +180,7 @@ type FarmServiceServer interface {
 	// Delivers one batch: the header first, then its tiles. Each message stays under 1 MiB, the
 	// header excepted where chain states make it longer (up to 64 MiB). The coordinator reads nothing
 	// of it before it has room. RESOURCE_EXHAUSTED: two others of this worker are not answered yet;
-	// repeat it later.
+	// repeat it later. UNAVAILABLE: no message came for 30 s; deliver it again.
 	Deliver(grpc.ClientStreamingServer[DeliverRequest, DeliverResponse]) error
 	mustEmbedUnimplementedFarmServiceServer()
 }

@@ -1099,6 +1099,25 @@ type SegmentResult struct {
 	State []byte `protobuf:"bytes,5,opt,name=state,proto3" json:"state,omitempty"`
 	// Chains only: one entry per chain of the group, in chain order.
 	LargeStepSums []*LargeStepSums `protobuf:"bytes,6,rep,name=large_step_sums,json=largeStepSums,proto3" json:"large_step_sums,omitempty"`
+	// Checksum of all other fields. Where it does not fit them, the batch is answered OUTCOME_CONFLICT.
+	//
+	// A message is a sequence of 64-bit words w; from h = 0 each makes h = mix(h xor w), mix being that
+	// of BatchHeader.digest, and the last h is the checksum. As mix is one to one, a change within one
+	// word is always found. The words are those of the fields in the order of their numbers. A field
+	// that is not set is left out: without elements, or, where proto3 does not track presence, with all
+	// bits zero. Each other field gives its number, the number of its elements (1 unless it is
+	// repeated) and its elements:
+	//
+	//	integers, enums, bool  the value, signed ones modulo 2^64;
+	//	float, double          the bits of the value, those of a float as 32-bit number;
+	//	string, bytes          the number of bytes, then the bytes, eight to a word, little-endian, the
+	//	                       last word filled up with zeros;
+	//	messages               the words of their fields, then 0.
+	//
+	// The entries of a map are messages of key (field 1) and value (field 2), in the order of the bytes
+	// of their keys, which are strings. The field `checksum` of the message itself is left out.
+	// proto/testdata has examples.
+	Checksum      uint64 `protobuf:"fixed64,7,opt,name=checksum,proto3" json:"checksum,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1175,6 +1194,13 @@ func (x *SegmentResult) GetLargeStepSums() []*LargeStepSums {
 	return nil
 }
 
+func (x *SegmentResult) GetChecksum() uint64 {
+	if x != nil {
+		return x.Checksum
+	}
+	return 0
+}
+
 // Announces a sealed film.
 //
 // The film has full-resolution planes and low-resolution planes. With L layers (chains: layer 0 is
@@ -1191,7 +1217,8 @@ type BatchHeader struct {
 	JobId string `protobuf:"bytes,1,opt,name=job_id,json=jobId,proto3" json:"job_id,omitempty"`
 	// The round; a batch never mixes rounds.
 	Round uint32 `protobuf:"varint,2,opt,name=round,proto3" json:"round,omitempty"`
-	// Segments rendered into this film, each exactly once.
+	// Segments rendered into this film, each exactly once. The task of each is the one that was leased
+	// for this job, round and segment; else the batch is answered OUTCOME_CONFLICT.
 	Segments []*SegmentResult `protobuf:"bytes,3,rep,name=segments,proto3" json:"segments,omitempty"`
 	// Sum modulo 2^64, over all values v of the film, of v * pixel_hash(i) * plane_hash(p, c), where
 	// i is the pixel's index y * width + x (full planes) or 2^32 + cell index (low planes), p the
@@ -1454,14 +1481,15 @@ const file_metrofarm_farm_v1_task_proto_rawDesc = "" +
 	"\x05count\x18\x01 \x01(\x04R\x05count\x12\x10\n" +
 	"\x03sum\x18\x02 \x01(\x01R\x03sum\x12\x1f\n" +
 	"\vsum_squares\x18\x03 \x01(\x01R\n" +
-	"sumSquares\"\x8e\x02\n" +
+	"sumSquares\"\xaa\x02\n" +
 	"\rSegmentResult\x12\x18\n" +
 	"\asegment\x18\x01 \x01(\rR\asegment\x121\n" +
 	"\x05lease\x18\x02 \x01(\v2\x1b.metrofarm.farm.v1.LeaseRefR\x05lease\x12\x16\n" +
 	"\x06digest\x18\x03 \x01(\x06R\x06digest\x128\n" +
 	"\x06counts\x18\x04 \x01(\v2 .metrofarm.farm.v1.SegmentCountsR\x06counts\x12\x14\n" +
 	"\x05state\x18\x05 \x01(\fR\x05state\x12H\n" +
-	"\x0flarge_step_sums\x18\x06 \x03(\v2 .metrofarm.farm.v1.LargeStepSumsR\rlargeStepSums\"\x8a\x02\n" +
+	"\x0flarge_step_sums\x18\x06 \x03(\v2 .metrofarm.farm.v1.LargeStepSumsR\rlargeStepSums\x12\x1a\n" +
+	"\bchecksum\x18\a \x01(\x06R\bchecksum\"\x8a\x02\n" +
 	"\vBatchHeader\x12\x15\n" +
 	"\x06job_id\x18\x01 \x01(\tR\x05jobId\x12\x14\n" +
 	"\x05round\x18\x02 \x01(\rR\x05round\x12<\n" +

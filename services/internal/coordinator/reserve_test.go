@@ -1,0 +1,49 @@
+package coordinator
+
+import "testing"
+
+func anybody(*run) bool { return true }
+
+func TestAJobThatIsBeingTakenOverHasItsRoom(t *testing.T) {
+	m := newRoom(10)
+	younger, older := &run{id: "b", number: 2}, &run{id: "a", number: 1}
+	m.wait(younger, 0, 8)
+	if !m.receive(older.id, 0, older.number, 8) {
+		t.Fatal("the older job is not taken over")
+	}
+	if m.next(anybody) != nil {
+		t.Error("the younger job has the room of the one that is being taken over")
+	}
+	m.force(older, 9) // as its checkpoint says
+	if used, _ := m.state(); used != 9 {
+		t.Errorf("%d bytes are taken, want 9", used)
+	}
+	m.remove(older)
+	if m.next(anybody) != younger {
+		t.Error("the younger job waits for nothing")
+	}
+}
+
+func TestAJobThatAnotherCoordinatorTookLeavesTheLine(t *testing.T) {
+	m := newRoom(10)
+	running, younger := &run{id: "b", number: 2}, &run{id: "c", number: 3}
+	m.force(running, 4)
+	if m.receive("a", 0, 1, 8) {
+		t.Fatal("a job that does not fit is taken over")
+	}
+	if m.enter(younger, 0, 4) {
+		t.Error("a younger job has passed it")
+	}
+	m.wait(younger, 0, 4)
+	m.keep([]string{"a"})
+	if m.next(anybody) != nil {
+		t.Error("a younger job has passed it")
+	}
+	m.keep(nil)
+	if m.next(anybody) != younger {
+		t.Error("the younger job still waits")
+	}
+	if used, _ := m.state(); used != 8 {
+		t.Errorf("%d bytes are taken, want 8", used)
+	}
+}
