@@ -68,6 +68,7 @@ sanitize: setup-test ## the worker's unit tests under the address and undefined 
 
 references: setup-bench ## render the reference images of the agreement tests again (Mitsuba 3)
 	.tools/bench/bin/python tests/agreement/make_references.py
+	.tools/bench/bin/python tests/agreement/make_motion_references.py
 
 web: setup ## build the dashboard; its output is committed under services/internal/api/web
 	cd web && npm ci --no-audit --no-fund && cp package-lock.json node_modules/.installed-lock.json && npm run build

@@ -36,7 +36,7 @@ stage_cpp() {
 }
 stage_go() { (cd services && go test -race ./...); }
 stage_web() { (cd web && npm test --silent); }
-stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/sabotage; }
+stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/agreement/test_poses.py tests/sabotage; }
 stage_e2e() { python -m pytest -q tests/e2e; }
 # The browser's tests need axe-core, which npm brings.
 stage_page() {
@@ -47,7 +47,9 @@ stage_chaos() { (cd tests/chaos/proxy && go vet ./... && go test ./...) && pytho
 stage_load() { python -m pytest -q tests/load; }
 stage_deploy() { (cd tests/deploy && go vet ./... && go test ./...); }
 stage_cluster() { python -m pytest -q tests/cluster; }
-stage_agreement() { python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py; }
+stage_agreement() {
+  python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py --ignore=tests/agreement/test_poses.py
+}
 stage_sanitize() { tests/setup/sanitize.sh --short address,undefined; }
 
 report=()

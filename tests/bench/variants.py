@@ -62,14 +62,25 @@ class BenchScene:
     height: int
     # Has lights without extent, which sampling by the BSDF alone never finds.
     points: bool = False
+    # Has motion, which Mitsuba does not know.
+    moves: bool = False
 
     def takes(self, variant: Variant) -> bool:
+        if self.moves and variant.mitsuba:
+            return False
         return not (self.points and "bsdf" in variant.words)
 
 
 def stored(name: str, width: int, height: int, points: bool = False) -> BenchScene:
     reference = HERE.parent / "agreement" / "references" / f"{name}.npz"
     return BenchScene(name, SCENES / name / "scene.xml", reference, width, height, points)
+
+
+def moving(name: str, points: bool = False) -> BenchScene:
+    """One of tests/agreement/motion_cases.py."""
+    reference = HERE.parent / "agreement" / "references" / f"motion-{name}.npz"
+    scene = SCENES / "motion" / f"{name}.xml"
+    return BenchScene(f"motion-{name}", scene, reference, 48, 32, points, moves=True)
 
 
 def peer_scenes(folder: Path) -> list[BenchScene]:
@@ -97,6 +108,12 @@ def all_scenes() -> list[BenchScene]:
         stored("glass-caustic", 64, 48),
         stored("shared-veach-mis", 64, 40),
         stored("peer-veach-door", 48, 48),
+        moving("ball"),
+        moving("car"),
+        moving("light", points=True),
+        moving("camera"),
+        moving("cloth"),
+        moving("caustic"),
     ]
     folder = os.environ.get("METROFARM_PEERS")
     return scenes + (peer_scenes(Path(folder)) if folder else [])

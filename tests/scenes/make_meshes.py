@@ -216,12 +216,35 @@ def lamps(room: int) -> Mesh:
     return mesh
 
 
+def cloth(key: int) -> Mesh:
+    """A sheet, 2 wide and 1.3 high, at one of five keys of a wave that runs and swells."""
+    columns, rows = 24, 12
+    mesh = Mesh([], [], [])
+    phase, swing = 0.5 * math.pi * key, 0.2 + 0.03 * key
+    for row in range(rows + 1):
+        for column in range(columns + 1):
+            x, y = 2 * column / columns - 1, 1.3 * row / rows - 0.6
+            angle = 4 * x + y - phase
+            slope = swing * math.cos(angle)
+            scale = 1 / math.sqrt(1 + 17 * slope * slope)
+            mesh.positions.append((x, y, swing * math.sin(angle)))
+            mesh.normals.append((-4 * slope * scale, -slope * scale, scale))
+    for row in range(rows):
+        for column in range(columns):
+            a = row * (columns + 1) + column
+            b = a + columns + 1
+            mesh.triangles += [(a, a + 1, b + 1), (a, b + 1, b)]
+    return mesh
+
+
 def main() -> None:
     write_ply(HERE / "ring-caustic" / "ring.ply", ring())
     write_obj(HERE / "door-ajar" / "vase.obj", vase())
     write_serialized(HERE / "door-ajar" / "goblet.serialized", goblet(), "goblet")
     for room in range(4):
         write_ply(HERE / "many-lights" / f"lamps{room}.ply", lamps(room))
+    for key in range(5):
+        write_ply(HERE / "motion" / f"cloth{key}.ply", cloth(key))
 
 
 if __name__ == "__main__":
