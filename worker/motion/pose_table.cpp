@@ -19,7 +19,7 @@ struct Step {
   Point offset = {0, 0, 0};
 };
 
-Point column(const Linear& m, int i) {
+Point column(const Linear& m, size_t i) {
   return {m[i], m[3 + i], m[6 + i]};
 }
 
@@ -32,9 +32,9 @@ Step take_apart(const Matrix& m) {
   const Linear linear = scene::linear_part(m);
   Point q[3];
   Step step;
-  for (int i = 0; i < 3; ++i) {
+  for (size_t i = 0; i < 3; ++i) {
     q[i] = column(linear, i);
-    for (int j = 0; j < i; ++j) {
+    for (size_t j = 0; j < i; ++j) {
       const double along = dot(q[j], column(linear, i));
       step.upper[3 * j + i] = along;
       for (int k = 0; k < 3; ++k) q[i][k] -= along * q[j][k];
@@ -219,7 +219,7 @@ StepPose rounded(const Step& s, const Step& next, bool arcs) {
     for (int k = 0; k < 9; ++k) set(p.form[k], s.whole[4 * (k % 3) + k / 3]);
     return p;
   }
-  for (int k = 0; k < 3; ++k) set(p.form[k], s.upper[4 * k]);
+  for (size_t k = 0; k < 3; ++k) set(p.form[k], s.upper[4 * k]);
   set(p.form[3], s.upper[1]);
   set(p.form[4], s.upper[2]);
   set(p.form[5], s.upper[5]);
