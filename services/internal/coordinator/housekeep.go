@@ -136,7 +136,7 @@ func (r *run) warnOfTrapped(counts *tally.Counts) {
 	if counts.ChainsTrapped == 0 || slices.ContainsFunc(r.rec.Warnings, isTrappedWarning) {
 		return
 	}
-	r.warn(fmt.Sprintf("%s: the longest stay so far has %d mutations, %d chains are trapped by now; another "+
+	r.warn(fmt.Sprintf("%s: the longest stay so far has %d mutations, trapped by now: %d of the chains; another "+
 		"integrator or more large steps may help", trappedWarning, counts.LongestStay, counts.TrappedNow()))
 }
 
