@@ -111,7 +111,7 @@ void DeltaLights::add(const scene::Emitter& emitter) {
 void DeltaLights::set_in_motion(const scene::Emitter& emitter) {
   const motion::Track track(emitter.motion);
   if (!track.moves_during(poses_.interval())) return;
-  moving_.back() = poses_.add(track, own_place(emitter), scene_.radius, scene_.radius);
+  moving_.back() = poses_.add_viewpoint(track, own_place(emitter), scene_.radius);
 }
 
 // The light's row to be filled in, or none where it is dark.

@@ -84,15 +84,10 @@ Matrix mixed(const Matrix& a, const Matrix& b, double t) {
 // What a motion is made steps of.
 class Sampled {
  public:
+  // size: 0 of viewpoints.
   Sampled(const Track& track, const Matrix& inner, const Interval& interval, double reach,
           double size)
-      : track_(track), inner_(inner), interval_(interval), reach_(reach), size_(size) {
-    double largest = 0;
-    const Matrix m = at(0);
-    for (int i = 0; i < 12; ++i) {
-      if (i % 4 != 3) largest = std::max(largest, std::fabs(m[i]));
-    }
-    size_ = largest * std::max(size, 1e-3 * reach);
+      : track_(track), inner_(inner), interval_(interval), reach_(reach) {
     // Keys, and times at no regular distance: those of a motion that repeats itself must not hit
     // the same phase each time.
     for (double time : track.key_times()) {
@@ -102,6 +97,9 @@ class Sampled {
     constexpr int kLooks = 96;
     constexpr double kGolden = 0.6180339887498949;
     for (int i = 1; i <= kLooks; ++i) shares_.push_back(std::fmod(i * kGolden, 1.0));
+    const double own = size > 0 ? std::max(size, 1e-3 * reach) : reach;
+    turned_size_ = positive_or_one(largest_entry(at(0)) * own);
+    moved_size_ = size > 0 ? turned_size_ : positive_or_one(length_of_way());
   }
 
   std::vector<Step> steps(int segments) const {
@@ -116,7 +114,7 @@ class Sampled {
     return out;
   }
 
-  // Largest deviation of points within reach, in sizes of what is moved; gives up beyond `most`.
+  // Largest deviation of points within reach, relative; gives up beyond `most`.
   double deviation(const std::vector<Step>& steps, bool arcs, double most) const {
     double worst = 0;
     for (size_t i = 0; i < shares_.size() && worst <= most; ++i)
@@ -131,6 +129,26 @@ class Sampled {
   double turning() const { return track_.turning_during(interval_); }
 
  private:
+  static double positive_or_one(double v) { return v > 0 ? v : 1; }
+
+  static double largest_entry(const Matrix& m) {
+    double largest = 0;
+    for (int i = 0; i < 12; ++i)
+      if (i % 4 != 3) largest = std::max(largest, std::fabs(m[i]));
+    return largest;
+  }
+
+  // How far it gets from where it begins.
+  double length_of_way() const {
+    const Matrix begin = at(0);
+    double longest = 0;
+    for (double share : shares_) {
+      const Matrix m = at(share);
+      longest = std::max(longest, std::hypot(m[3] - begin[3], m[7] - begin[7], m[11] - begin[11]));
+    }
+    return longest;
+  }
+
   Matrix at(double share) const {
     return multiply(track_.at(interval_.begin + share * interval_.length()), inner_);
   }
@@ -141,21 +159,22 @@ class Sampled {
     const double t = share * segments - static_cast<double>(i);
     const Matrix found =
         arcs ? between(steps[i], steps[i + 1], t) : mixed(steps[i].whole, steps[i + 1].whole, t);
-    return distance(at(share), found) / size_;
+    const double far = deviation_between(at(share), found);
+    return std::isnan(far) ? std::numeric_limits<double>::infinity() : far;
   }
 
-  double distance(const Matrix& a, const Matrix& b) const {
+  double deviation_between(const Matrix& a, const Matrix& b) const {
     double turned = 0, moved = 0;
     for (int i = 0; i < 12; ++i) (i % 4 == 3 ? moved : turned) += (a[i] - b[i]) * (a[i] - b[i]);
-    return std::sqrt(turned) * reach_ + std::sqrt(moved);
+    return std::sqrt(turned) * reach_ / turned_size_ + std::sqrt(moved) / moved_size_;
   }
 
   const Track& track_;
   const Matrix& inner_;
   const Interval& interval_;
   double reach_;
-  double size_;
-  std::vector<double> shares_;  // of the interval, at which deviations are looked at
+  double turned_size_, moved_size_;  // what deviations are relative to
+  std::vector<double> shares_;       // of the interval, at which deviations are looked at
 };
 
 // Few enough to try them all, with as many divisors as there is room for: keys at equal distances
@@ -202,7 +221,7 @@ Steps fewest_steps(const Sampled& motion) {
     if (segments < fewest) continue;
     std::vector<Step> steps = motion.steps(segments);
     const double deviation = motion.deviation(steps, true, std::max(least, kTolerance));
-    if (deviation >= least && deviation > kTolerance) continue;
+    if (deviation >= least && deviation > kTolerance && !best.empty()) continue;
     least = std::min(least, deviation);
     const bool smooth = largest_half_angle(steps) <= kLargestHalfAngle;
     best = std::move(steps);
@@ -279,8 +298,16 @@ void set_turned(const RowPair& row, LanePose& pose) {
 }  // namespace
 
 int32_t PoseTable::add(const Track& track, const Matrix& inner, double reach, double size) {
-  const Sampled motion(track, inner, interval_, reach, size);
-  const auto [steps, arcs] = fewest_steps(motion);
+  const double least = 1e-30;  // a single point has a place, but is no viewpoint
+  return append(track, inner, reach, std::max(size, least));
+}
+
+int32_t PoseTable::add_viewpoint(const Track& track, const Matrix& inner, double radius) {
+  return append(track, inner, radius, 0);
+}
+
+int32_t PoseTable::append(const Track& track, const Matrix& inner, double reach, double size) {
+  const auto [steps, arcs] = fewest_steps({track, inner, interval_, reach, size});
   const auto number = static_cast<int32_t>(count());
   first_.push_back(static_cast<int32_t>(rows_.size()));
   for (size_t i = 0; i < steps.size(); ++i)

@@ -55,6 +55,9 @@ class PoseTable {
   // space there is something that moves; size: of that. Deviations from the track are kept small
   // relative to the size, as far as there can be steps enough.
   int32_t add(const Track& track, const Matrix& inner, double reach, double size);
+  // The same for a camera or a light without extent in a scene of that radius: its way is followed
+  // relative to what it is long, its turning to what it does at the radius.
+  int32_t add_viewpoint(const Track& track, const Matrix& inner, double radius);
 
   size_t count() const { return first_.size(); }
   const Interval& interval() const { return interval_; }
@@ -70,6 +73,8 @@ class PoseTable {
   }
 
  private:
+  int32_t append(const Track& track, const Matrix& inner, double reach, double size);
+
   Interval interval_;
   std::vector<StepPose> rows_;
   std::vector<int32_t> first_, last_;  // rows of each motion

@@ -88,6 +88,12 @@ double bezier(double p0, double p1, double p2, double p3, double t) {
 std::optional<std::string> Track::problem_with(const scene::Motion& motion) {
   for (const Keyframe& key : motion.keys)
     if (!decompose(key.to_world)) return "the transforms of what moves must not flatten it";
+  const auto mirrors = [](const Keyframe& key) {
+    return scene::determinant(scene::linear_part(key.to_world)) < 0;
+  };
+  const bool first = !motion.keys.empty() && mirrors(motion.keys.front());
+  for (const Keyframe& key : motion.keys)
+    if (mirrors(key) != first) return "what moves must not be mirrored from one key to the next";
   return std::nullopt;
 }
 

@@ -103,9 +103,24 @@ std::optional<Error> check_extent(const Box& box, const char* what, const Source
 
 std::optional<Error> check_motion(const Box& box, const scene::Motion& motion, const char* what,
                                   const SourceLocation& where) {
-  for (const scene::Keyframe& key : motion.keys)
-    if (auto error = check_extent(box.under(key.to_world), what, where)) return error;
+  for (const scene::Keyframe& key : motion.keys) {
+    Box way = box.under(key.to_world);
+    if (motion.path == scene::MotionPath::kBezier) {
+      way.add(key.in);
+      way.add(key.out);
+    }
+    if (auto error = check_extent(way, what, where)) return error;
+  }
   return std::nullopt;
+}
+
+// What has a place but no extent.
+std::optional<Error> check_viewpoints(const scene::SceneDescription& scene) {
+  Box origin;
+  origin.add(Point{0, 0, 0});
+  for (const scene::Emitter& emitter : scene.emitters)
+    if (auto error = check_motion(origin, emitter.motion, "the light", emitter.where)) return error;
+  return check_motion(origin, scene.sensor.motion, "the way of the sensor", scene.sensor.where);
 }
 
 std::optional<Error> check_extents(const scene::SceneDescription& scene) {
@@ -127,7 +142,7 @@ std::optional<Error> check_extents(const scene::SceneDescription& scene) {
     if (auto error = check_motion(box, instance.motion, "the instance", instance.where))
       return error;
   }
-  return std::nullopt;
+  return check_viewpoints(scene);
 }
 
 std::optional<Error> check_counts(const scene::SceneDescription& scene) {

@@ -4,6 +4,7 @@
 #include <optional>
 #include <variant>
 
+#include "scene/linear.h"
 #include "scene_file/importer.h"
 #include "scene_file/limits.h"
 #include "scene_file/mitsuba/importer.h"
@@ -37,6 +38,21 @@ bool lights_the_scene(const scene::SceneDescription& scene) {
   return false;
 }
 
+// Geometry that moves is read without its pose, so a mirror in the pose has not done there what it
+// does to geometry that stands still: a sphere is seen from inside, triangles without normals turn
+// over; pbrt does so with disks and cylinders too. All keys mirror or none does.
+void turn_what_poses_mirror(std::string_view extension, scene::SceneDescription& scene) {
+  for (scene::Shape& shape : scene.shapes) {
+    if (shape.motion.empty()) continue;
+    if (scene::determinant(scene::linear_part(shape.motion.keys[0].to_world)) > 0) continue;
+    const auto* mesh = std::get_if<scene::TriangleMesh>(&shape.geometry);
+    const bool turns =
+        mesh ? mesh->normals.empty()
+             : extension == ".pbrt" || std::holds_alternative<scene::Sphere>(shape.geometry);
+    if (turns) shape.flip_normals = !shape.flip_normals;
+  }
+}
+
 }  // namespace
 
 std::span<const Importer> importers() {
@@ -59,6 +75,7 @@ Result<scene::SceneDescription> load_scene(const std::filesystem::path& file,
           "constant environment, or the image is black",
           {file.string()}};
     }
+    turn_what_poses_mirror(extension, scene.value());
     if (std::optional<Error> error = check_limits(scene.value())) return *error;
     return scene;
   }

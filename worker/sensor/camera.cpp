@@ -85,7 +85,7 @@ scene::Matrix Camera::stand(const Sensor& sensor, double radius) {
   const motion::Track track(sensor.motion);
   if (!track.moves_during(poses_.interval()))
     return motion::multiply(track.at(poses_.interval().begin), sensor.to_world);
-  poses_.add(track, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, radius, radius);
+  poses_.add_viewpoint(track, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, radius);
   return sensor.to_world;
 }
 

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include "scene/linear.h"
 #include "scene_file/mitsuba/properties.h"
 #include "scene_file/names.h"
 #include "scene_file/numbers.h"
@@ -114,13 +116,42 @@ Point read_control(const Element& key, std::string_view name, const Matrix& to_w
   return origin;
 }
 
-// What turns is told as it stands in the file: a matrix does not know of whole turns.
+// Where a step takes the axes of turns before it; nothing if it makes turns something else.
+// A mirror -Q keeps a turn's angle, about the axis that Q gives.
+std::optional<scene::Linear> carries_axes(const Matrix& step) {
+  scene::Linear m = scene::linear_part(step);
+  const double scale = std::cbrt(scene::determinant(m));
+  if (!std::isfinite(scale) || scale == 0) return std::nullopt;
+  for (double& v : m) v /= scale;
+  constexpr double kTolerance = 1e-9;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      double product = 0;
+      for (int k = 0; k < 3; ++k) product += m[3 * i + k] * m[3 * j + k];
+      if (std::abs(product - (i == j ? 1 : 0)) > kTolerance) return std::nullopt;
+    }
+  }
+  return m;
+}
+
+// What turns is told as it stands in the file: a matrix does not know of whole turns. None if a
+// step after a turn is neither a translation nor, but for an equal scale, a rotation.
 std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
   std::vector<scene::Turn> turns;
   for (const Element& step : key.children) {
     const auto angle = parse_double(step.get("angle"));
-    if (step.tag == "rotate" && angle)
+    if (step.tag == "rotate" && angle) {
       turns.push_back({read_components(step, 0, problems), *angle});
+    } else if (!turns.empty() && step.tag != "translate") {
+      const auto carried = carries_axes(read_step(step, problems));
+      if (!carried) return {};
+      const scene::Linear& m = *carried;
+      for (scene::Turn& turn : turns) {
+        const Point a = turn.axis;
+        for (int i = 0; i < 3; ++i)
+          turn.axis[i] = m[3 * i] * a[0] + m[3 * i + 1] * a[1] + m[3 * i + 2] * a[2];
+      }
+    }
   }
   return turns;
 }

@@ -10,7 +10,7 @@ namespace metrofarm::scene_file::pbrt {
 Matrix World::pose_in_object(const scene::Motion& motion, const SourceLocation& where) {
   context_.problems.warn(
       "a shape of an object moves with its instances only; this one stands where it is when the "
-      "shutter opens",
+      "file's shutter opens",
       where);
   return motion::Track(motion).at(context_.scene.sensor.shutter_open);
 }
