@@ -99,9 +99,15 @@ func (r *run) uphold() {
 }
 
 // unwind throws the round of a segment that is wrong, or may be, away with those after it; they are rendered
-// again. Requires: mu.
+// again. Nobody decides about other contested segments then: the earliest round that has one goes too.
+// Requires: mu.
 func (r *run) unwind(h *heldBatch) {
 	number := h.batch.Round
+	for _, other := range r.checks.held {
+		if other.counted {
+			number = min(number, other.batch.Round)
+		}
+	}
 	r.discardFrom(number)
 	r.clearTasks()
 	r.openTasks()
