@@ -118,9 +118,16 @@ func (r *run) unwind(h *heldBatch) {
 
 // discardFrom throws an open round and those after it away. Requires: mu; the caller opens tasks and saves.
 func (r *run) discardFrom(number int) {
-	r.state.Unwind(number)
 	r.rec.Unwound++
 	r.contest(number)
+	r.uncount(number)
+}
+
+// uncount takes back what was counted of an open round and of those after it. Rounds that are closed stay:
+// the contest that a record tells of may be older than they are. Requires: mu.
+func (r *run) uncount(number int) {
+	number = max(number, r.state.Closed)
+	r.state.Unwind(number)
 	for key, by := range r.checks.by {
 		if key.round < number {
 			continue
