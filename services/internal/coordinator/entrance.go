@@ -77,6 +77,9 @@ func (r *run) unpark() bool {
 		r.c.room.wait(r, r.rec.Request.Priority, r.rec.FilmBytes)
 		return false
 	}
+	// A change of its priority may have put it back in line since.
+	r.c.room.force(r, r.rec.FilmBytes)
+	defer r.leaveRoomIfGone()
 	goOn := r.parked
 	r.parked = nil
 	goOn()
