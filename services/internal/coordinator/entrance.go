@@ -23,7 +23,7 @@ func (r *run) needs() int64 {
 func (r *run) whenThereIsRoom(goOn func()) {
 	r.rec.FilmBytes = r.needs()
 	defer r.leaveRoomIfGone()
-	if r.c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes) {
+	if r.c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes, (*run).mayGoOn) {
 		goOn()
 		return
 	}
@@ -99,7 +99,7 @@ func (c *Coordinator) hasRoomFor(ctx context.Context, id string) (bool, error) {
 		return true, nil // it only needs to be stored with all that belongs to it
 	}
 	strange := c.room.strangeTo(id)
-	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes)
+	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes, (*run).mayGoOn)
 	if !takes && !strange {
 		c.log.Info("job without owner is not taken over: there is no room for its film", "job", id, "film_bytes", stored.FilmBytes)
 	}
