@@ -66,9 +66,9 @@ var routeRoles = map[string]auth.Role{
 
 	"POST /v1/sequences":             auth.Submit,
 	"DELETE /v1/sequences/{id}":      auth.Submit, // one's own
-	"POST /v1/sequences/{id}/cancel": auth.Submit,
-	"POST /v1/sequences/{id}/pause":  auth.Submit,
-	"POST /v1/sequences/{id}/resume": auth.Submit,
+	"POST /v1/sequences/{id}/cancel": auth.Submit, // one's own
+	"POST /v1/sequences/{id}/pause":  auth.Submit, // one's own
+	"POST /v1/sequences/{id}/resume": auth.Submit, // one's own
 
 	"POST /v1/workers/{id}/drain": auth.Admin,
 }

@@ -80,19 +80,23 @@ func (s *server) registerSequences(api huma.API) {
 
 func (s *server) registerSequenceActions(api huma.API) {
 	actions := []struct {
-		name, summary string
-		act           func(context.Context, sequence.Service, string) (job.Sequence, error)
+		name, doing, summary string
+		act                  func(context.Context, sequence.Service, string) (job.Sequence, error)
 	}{
-		{"cancel", "End the frames that have not ended; the images so far stay", sequence.Cancel},
-		{"pause", "Stop handing out work of the frames that have not ended", sequence.Pause},
-		{"resume", "Go on with the frames that are paused", sequence.Resume},
+		{"cancel", "canceling", "End the frames that have not ended; the images so far stay", sequence.Cancel},
+		{"pause", "pausing", "Stop handing out work of the frames that have not ended", sequence.Pause},
+		{"resume", "resuming", "Go on with the frames that are paused", sequence.Resume},
 	}
 	for _, action := range actions {
 		huma.Register(api, huma.Operation{
 			OperationID: action.name + "-sequence", Method: http.MethodPost,
 			Path: "/v1/sequences/{id}/" + action.name, Tags: []string{"sequences"}, Summary: action.summary,
-			Security: needs(auth.Submit),
+			Description: "The sequences of other users need the role admin.",
+			Security:    needs(auth.Submit),
 		}, func(ctx context.Context, input *SequencePath) (*sequenceOutput, error) {
+			if err := s.checkOwnSequence(ctx, input.ID, action.doing); err != nil {
+				return nil, err
+			}
 			return s.sequence(ctx)(action.act(ctx, s.Service, input.ID))
 		})
 	}
@@ -138,12 +142,17 @@ func (s *server) sequence(ctx context.Context) func(job.Sequence, error) (*seque
 	}
 }
 
-func (s *server) deleteSequence(ctx context.Context, input *SequencePath) (*struct{}, error) {
-	q, err := s.Service.Sequence(ctx, input.ID)
+// checkOwnSequence refuses what users may do to their own sequences only, unless an admin does it.
+func (s *server) checkOwnSequence(ctx context.Context, id, doing string) error {
+	q, err := s.Service.Sequence(ctx, id)
 	if err != nil {
-		return nil, s.fail(ctx, err)
+		return s.fail(ctx, err)
 	}
-	if err := checkOwner(ctx, q.User, "sequence", "deleting"); err != nil {
+	return checkOwner(ctx, q.User, "sequence", doing)
+}
+
+func (s *server) deleteSequence(ctx context.Context, input *SequencePath) (*struct{}, error) {
+	if err := s.checkOwnSequence(ctx, input.ID, "deleting"); err != nil {
 		return nil, err
 	}
 	if err := sequence.Delete(ctx, s.Service, input.ID); err != nil {

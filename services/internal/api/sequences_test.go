@@ -141,16 +141,23 @@ func TestTheInterfaceDescribesFrames(t *testing.T) {
 	}
 }
 
-func TestOthersSequencesAreDeletedByAdmins(t *testing.T) {
+func TestOthersSequencesAreActedOnByAdmins(t *testing.T) {
 	g := newGuarded(t, func(*api.Options) {})
 	q := decode[job.Sequence](t, g.as(auth.Submit, "POST", "/v1/sequences", threeFrames))
 	if q.User != auth.Submit.String() {
 		t.Fatalf("%+v", q)
 	}
 	other := decode[job.Sequence](t, g.as(auth.Admin, "POST", "/v1/sequences", threeFrames))
-	for _, id := range []string{q.ID, other.ID} {
-		if a := g.as(auth.Submit, "POST", "/v1/sequences/"+id+"/cancel", ""); a.status != 200 {
-			t.Fatalf("%d: %s", a.status, a.body)
+	for _, action := range []string{"pause", "resume", "cancel"} {
+		a := g.as(auth.Submit, "POST", "/v1/sequences/"+other.ID+"/"+action, "")
+		if a.status != 403 || !strings.Contains(string(a.body), "sequence of admin") {
+			t.Errorf("%s somebody else's: %d: %s", action, a.status, a.body)
+		}
+		if a := g.as(auth.Submit, "POST", "/v1/sequences/"+q.ID+"/"+action, ""); a.status != 200 {
+			t.Errorf("%s one's own: %d: %s", action, a.status, a.body)
+		}
+		if a := g.as(auth.Admin, "POST", "/v1/sequences/"+other.ID+"/"+action, ""); a.status != 200 {
+			t.Errorf("%s by an admin: %d: %s", action, a.status, a.body)
 		}
 	}
 	if a := g.as(auth.Submit, "DELETE", "/v1/sequences/"+other.ID, ""); a.status != 403 || !strings.Contains(string(a.body), "sequence of admin") {

@@ -99,9 +99,15 @@ func (r *run) uphold() {
 }
 
 // unwind throws the round of a segment that is wrong, or may be, away with those after it; they are rendered
-// again. Requires: mu.
+// again. Nobody decides about other contested segments then: the earliest round that has one goes too.
+// Requires: mu.
 func (r *run) unwind(h *heldBatch) {
 	number := h.batch.Round
+	for _, other := range r.checks.held {
+		if other.counted {
+			number = min(number, other.batch.Round)
+		}
+	}
 	r.discardFrom(number)
 	r.clearTasks()
 	r.openTasks()
@@ -112,9 +118,16 @@ func (r *run) unwind(h *heldBatch) {
 
 // discardFrom throws an open round and those after it away. Requires: mu; the caller opens tasks and saves.
 func (r *run) discardFrom(number int) {
-	r.state.Unwind(number)
 	r.rec.Unwound++
 	r.contest(number)
+	r.uncount(number)
+}
+
+// uncount takes back what was counted of an open round and of those after it. Rounds that are closed stay:
+// the contest that a record tells of may be older than they are. Requires: mu.
+func (r *run) uncount(number int) {
+	number = max(number, r.state.Closed)
+	r.state.Unwind(number)
 	for key, by := range r.checks.by {
 		if key.round < number {
 			continue

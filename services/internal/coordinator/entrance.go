@@ -23,7 +23,7 @@ func (r *run) needs() int64 {
 func (r *run) whenThereIsRoom(goOn func()) {
 	r.rec.FilmBytes = r.needs()
 	defer r.leaveRoomIfGone()
-	if r.c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes) {
+	if r.c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes, (*run).mayGoOn) {
 		goOn()
 		return
 	}
@@ -77,6 +77,9 @@ func (r *run) unpark() bool {
 		r.c.room.wait(r, r.rec.Request.Priority, r.rec.FilmBytes)
 		return false
 	}
+	// A change of its priority may have put it back in line since.
+	r.c.room.force(r, r.rec.FilmBytes)
+	defer r.leaveRoomIfGone()
 	goOn := r.parked
 	r.parked = nil
 	goOn()
@@ -96,7 +99,7 @@ func (c *Coordinator) hasRoomFor(ctx context.Context, id string) (bool, error) {
 		return true, nil // it only needs to be stored with all that belongs to it
 	}
 	strange := c.room.strangeTo(id)
-	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes)
+	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes, (*run).mayGoOn)
 	if !takes && !strange {
 		c.log.Info("job without owner is not taken over: there is no room for its film", "job", id, "film_bytes", stored.FilmBytes)
 	}

@@ -42,6 +42,17 @@ func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*
 	if in.GetThreads() > maxThreads {
 		return nil, &job.FieldError{Field: "threads", Detail: fmt.Sprintf("is more than %d", maxThreads)}
 	}
+	id, back := c.enlist(in)
+	if back {
+		c.forgive(id)
+	}
+	return &farmv1.RegisterResponse{
+		WorkerId: id, HeartbeatSeconds: c.options.Heartbeat.Seconds(), CoordinatorId: c.options.Member.ID,
+	}, nil
+}
+
+// enlist notes a worker, and tells whether it had not been heard of for long.
+func (c *Coordinator) enlist(in *farmv1.RegisterRequest) (id string, back bool) {
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	w := c.byInstance(in.GetInstance())
@@ -49,12 +60,11 @@ func (c *Coordinator) Register(_ context.Context, in *farmv1.RegisterRequest) (*
 		w = &worker{id: workerID(in.GetInstance()), instance: in.GetInstance()}
 		c.workers[w.id] = w
 	}
+	back = c.lost(w)
 	w.name, w.version, w.threads = clip(in.GetName(), maxNameBytes), in.GetVersion(), int(in.GetThreads())
 	w.lastContact = c.options.Now()
 	c.log.Info("worker registered", "worker", w.id, "name", w.name, "version", w.version, "threads", w.threads)
-	return &farmv1.RegisterResponse{
-		WorkerId: w.id, HeartbeatSeconds: c.options.Heartbeat.Seconds(), CoordinatorId: c.options.Member.ID,
-	}, nil
+	return w.id, back
 }
 
 // workerID is the same at every coordinator that a worker registers with.

@@ -154,9 +154,10 @@ func (r *run) closeCase(h *heldBatch, key segmentKey) {
 	r.closeTask(r.checkTask(key))
 }
 
-// settle merges a held batch whose cases are all closed. Requires: mu.
+// settle merges a held batch whose cases are all closed, unless it was thrown away meanwhile, with its
+// round. Requires: mu.
 func (r *run) settle(h *heldBatch) {
-	if len(h.cases) > 0 {
+	if len(h.cases) > 0 || !slices.Contains(r.checks.held, h) {
 		return
 	}
 	r.unhold(h)

@@ -184,7 +184,7 @@ func notMore(stop job.StopRules, reason, done string) error {
 func (c *Coordinator) reopen(ctx context.Context, r *run) (job.Snapshot, error) {
 	c.endedMu.Lock()
 	defer c.endedMu.Unlock()
-	if !c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes) {
+	if !c.room.enter(r, r.rec.Request.Priority, r.rec.FilmBytes, (*run).mayGoOn) {
 		return job.Snapshot{}, fmt.Errorf("job %s is %s: %w", r.id, r.waitsForRoom(), job.ErrUnavailable)
 	}
 	epoch, err := c.acquireEnded(ctx, &r.rec)

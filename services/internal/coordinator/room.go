@@ -11,9 +11,9 @@ import (
 // estimates from the moment its size is known: when its scene was inspected, when auto has chosen an
 // integrator, or when it is taken over or refined with a checkpoint. Where there is none it waits,
 // queued, and holds nothing; the first of those that wait by priority and age goes on when its film
-// fits, and nobody passes it, or a large film would wait for ever. Jobs without owner that do not fit
-// stay where they are, so that another coordinator may take them, but keep their place here: smaller
-// jobs behind them wait too. A film always fits where there is no other.
+// fits, and nobody passes it, or a large film would wait for ever; only who is paused stands aside. Jobs
+// without owner that do not fit stay where they are, so that another coordinator may take them, but keep
+// their place here: smaller jobs behind them wait too. A film always fits where there is no other.
 
 // room is the memory of films: what is granted, and who waits. Methods may be called from several
 // goroutines.
@@ -53,17 +53,23 @@ func (m *room) fits(bytes int64) bool {
 }
 
 // enter grants a job its room if it fits and nobody before it waits; else false. What it had before
-// is replaced, also if it is refused.
-func (m *room) enter(r *run, priority int, bytes int64) bool {
+// is replaced, also if it is refused. ready is that of next.
+func (m *room) enter(r *run, priority int, bytes int64, ready func(*run) bool) bool {
 	m.mu.Lock()
 	defer m.mu.Unlock()
 	m.leave(r)
 	mine := &guest{run: r, priority: priority, number: r.number, bytes: bytes}
-	if !m.fits(bytes) || len(m.waiting) > 0 && compareGuests(m.waiting[0], mine) < 0 {
+	if !m.fits(bytes) || !m.isFirst(mine, ready) {
 		return false
 	}
 	m.grant(r, bytes)
 	return true
+}
+
+// isFirst tells whether nobody waits before a guest, but for those that stand aside. Requires: mu.
+func (m *room) isFirst(mine *guest, ready func(*run) bool) bool {
+	at := slices.IndexFunc(m.waiting, func(g *guest) bool { return g.run == nil || ready(g.run) })
+	return at < 0 || compareGuests(mine, m.waiting[at]) <= 0
 }
 
 // grant requires: mu; the job has no room.
@@ -129,15 +135,14 @@ func (m *room) next(ready func(*run) bool) *run {
 }
 
 // receive tells whether a job that nobody owns may be taken over, and then expects it: it has its room
-// until it is forced in or forgotten. If not, it keeps a place in the line.
-func (m *room) receive(id string, priority int, number uint64, bytes int64) bool {
+// until it is forced in or forgotten. If not, it keeps a place in the line. ready is that of next.
+func (m *room) receive(id string, priority int, number uint64, bytes int64, ready func(*run) bool) bool {
 	m.mu.Lock()
 	defer m.mu.Unlock()
 	known := m.strange[id]
 	m.forget(id)
 	mine := &guest{priority: priority, number: number, bytes: bytes}
-	first := len(m.waiting) == 0 || compareGuests(mine, m.waiting[0]) < 0
-	if bytes == 0 || m.fits(bytes) && first || known != nil && known.invited {
+	if bytes == 0 || m.fits(bytes) && m.isFirst(mine, ready) || known != nil && known.invited {
 		m.expected[id] = bytes
 		m.used += bytes
 		return true

@@ -196,6 +196,9 @@ func (r *run) decideLast(reason string) {
 	for _, h := range slices.Clone(r.checks.held) {
 		if h.batch.Round > number {
 			r.forget(h)
+			if h.counted { // nobody decides about it any more
+				r.uncount(h.batch.Round)
+			}
 		}
 	}
 	for id, key := range r.tasks {

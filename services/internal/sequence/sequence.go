@@ -35,20 +35,33 @@ func Resume(ctx context.Context, s Service, id string) (job.Sequence, error) {
 }
 
 // act does something to each frame that has not ended. The last goes first: a worker that is free
-// meanwhile shall not begin with one of which it is taken away at once.
+// meanwhile shall not begin with one of which it is taken away at once. A frame that is not available at
+// the moment keeps none of the others waiting; the first such error is returned at the end.
 func act(ctx context.Context, s Service, id string, do func(context.Context, string) (job.Snapshot, error)) (job.Sequence, error) {
 	q, err := s.Sequence(ctx, id)
 	if err != nil {
 		return q, err
 	}
+	var unavailable error
 	for i := len(q.Frames) - 1; i >= 0; i-- {
 		f := &q.Frames[i]
 		if f.State == job.Deleted || f.State.Ended() {
 			continue
 		}
-		if _, err := do(ctx, f.Job); err != nil && !ended(err) {
-			return q, fmt.Errorf("frame %d: %w", f.Number, err)
+		_, err := do(ctx, f.Job)
+		if err == nil || ended(err) {
+			continue
 		}
+		err = fmt.Errorf("frame %d: %w", f.Number, err)
+		if ctx.Err() != nil || !errors.Is(err, job.ErrUnavailable) {
+			return q, err
+		}
+		if unavailable == nil {
+			unavailable = err
+		}
+	}
+	if unavailable != nil {
+		return q, unavailable
 	}
 	return s.Sequence(ctx, id)
 }
