@@ -78,6 +78,10 @@ Point slope_at(const std::vector<Keyframe>& keys, size_t i) {
   return slope;
 }
 
+bool mirrors(const Keyframe& key) {
+  return scene::determinant(scene::linear_part(key.to_world)) < 0;
+}
+
 double bezier(double p0, double p1, double p2, double p3, double t) {
   const double s = 1 - t;
   return s * s * s * p0 + 3 * s * s * t * p1 + 3 * s * t * t * p2 + t * t * t * p3;
@@ -85,15 +89,16 @@ double bezier(double p0, double p1, double p2, double p3, double t) {
 
 }  // namespace
 
+bool mirrors(const scene::Motion& motion) {
+  return !motion.empty() && mirrors(motion.keys[0]);
+}
+
 std::optional<std::string> Track::problem_with(const scene::Motion& motion) {
   for (const Keyframe& key : motion.keys)
     if (!decompose(key.to_world)) return "the transforms of what moves must not flatten it";
-  const auto mirrors = [](const Keyframe& key) {
-    return scene::determinant(scene::linear_part(key.to_world)) < 0;
-  };
-  const bool first = !motion.keys.empty() && mirrors(motion.keys.front());
   for (const Keyframe& key : motion.keys)
-    if (mirrors(key) != first) return "what moves must not be mirrored from one key to the next";
+    if (mirrors(key) != mirrors(motion.keys[0]))
+      return "what moves must not be mirrored from one key to the next";
   return std::nullopt;
 }
 

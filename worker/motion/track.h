@@ -17,6 +17,9 @@ struct Interval {
   friend bool operator==(const Interval&, const Interval&) = default;
 };
 
+// Whether the poses turn left hands into right ones; all keys of a motion do or none does.
+bool mirrors(const scene::Motion& motion);
+
 // The pose at a time: exactly the first key's before the first, a key's at its time, the last key's
 // after the last. In between, each key is a stretch S (symmetric), then a rotation R (perhaps with
 // a mirror), then a translation T. S goes linearly from key to key. T goes linearly, or along a

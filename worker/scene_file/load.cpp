@@ -4,7 +4,7 @@
 #include <optional>
 #include <variant>
 
-#include "scene/linear.h"
+#include "motion/track.h"
 #include "scene_file/importer.h"
 #include "scene_file/limits.h"
 #include "scene_file/mitsuba/importer.h"
@@ -39,16 +39,14 @@ bool lights_the_scene(const scene::SceneDescription& scene) {
 }
 
 // Geometry that moves is read without its pose, so a mirror in the pose has not done there what it
-// does to geometry that stands still: a sphere is seen from inside, triangles without normals turn
-// over; pbrt does so with disks and cylinders too. All keys mirror or none does.
+// does to geometry that stands still: a sphere is seen from inside; pbrt turns over disks,
+// cylinders and triangles without normals too. Mitsuba's meshes: MeshOptions.
 void turn_what_poses_mirror(std::string_view extension, scene::SceneDescription& scene) {
   for (scene::Shape& shape : scene.shapes) {
-    if (shape.motion.empty()) continue;
-    if (scene::determinant(scene::linear_part(shape.motion.keys[0].to_world)) > 0) continue;
+    if (!motion::mirrors(shape.motion)) continue;
     const auto* mesh = std::get_if<scene::TriangleMesh>(&shape.geometry);
-    const bool turns =
-        mesh ? mesh->normals.empty()
-             : extension == ".pbrt" || std::holds_alternative<scene::Sphere>(shape.geometry);
+    const bool sphere = std::holds_alternative<scene::Sphere>(shape.geometry);
+    const bool turns = extension == ".pbrt" ? !mesh || mesh->normals.empty() : sphere;
     if (turns) shape.flip_normals = !shape.flip_normals;
   }
 }

@@ -40,6 +40,9 @@ void flip_v(std::vector<float>& texcoords) {
 }
 
 void finish_normals(RawMesh& raw, const MeshOptions& options) {
+  const bool keeps_normals = !raw.normals.empty() && !options.max_smooth_angle &&
+                             !options.face_normals && !raw.face_normals;
+  if (options.mirrored_later && !keeps_normals) reverse_winding(raw.indices);
   if (options.max_smooth_angle) return smooth_up_to_angle(raw, *options.max_smooth_angle);
   if (options.face_normals || raw.face_normals) return raw.normals.clear();
   const bool mirrored = determinant(options.to_world) < 0;

@@ -27,6 +27,7 @@ struct RawMesh {
 
 struct MeshOptions {
   Matrix to_world = kIdentity;
+  bool mirrored_later = false;   // it moves, and its poses mirror it
   bool face_normals = false;     // drop vertex normals
   bool flip_tex_coords = false;  // v becomes 1 - v
   // Where given, normals are computed anew, smooth over edges of at most this angle (degrees).
@@ -36,7 +37,8 @@ struct MeshOptions {
 // Transforms the mesh to world space, in place. Unless face_normals is set, vertices without a
 // normal get the angle-weighted mean of the triangles around them. Under a mirroring transform the
 // normals of the file keep pointing outwards and the winding is reversed to agree with them; a mesh
-// without normals keeps its winding, so its inside and outside change places (as in Mitsuba).
+// without normals keeps its winding, so its inside and outside change places (as in Mitsuba), also
+// where the mirror comes later.
 // Errors (without a location): no triangles, numbers that are not finite or too large for float.
 Result<scene::TriangleMesh> finish_mesh(RawMesh raw, const MeshOptions& options);
 

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "motion/track.h"
 #include "scene_file/names.h"
 #include "scene_file/numbers.h"
 
@@ -20,6 +21,7 @@ void queue_file(Properties& properties, const scene::Shape& shape, Context& cont
   }
   request.where = properties.find("filename")->where;
   request.options.to_world = properties.transform("to_world");
+  request.options.mirrored_later = motion::mirrors(shape.motion);
   request.options.face_normals = properties.boolean("face_normals", false);
   // Mitsuba 0.6 only.
   if (properties.has("max_smooth_angle")) {
@@ -84,6 +86,7 @@ void load_deformable(Properties& properties, scene::Shape& shape, Context& conte
   request.format = MeshFormat::kPly;
   request.options.flip_tex_coords = properties.boolean("flip_tex_coords", false);
   request.options.to_world = properties.transform("to_world");
+  request.options.mirrored_later = motion::mirrors(shape.motion);
   request.options.face_normals = properties.boolean("face_normals", false);
   request.shape = context.scene.shapes.size();
   request.name = properties.element().describe() + (shape.id.empty() ? "" : " " + shape.id);
