@@ -60,7 +60,8 @@ class Scene {
 
   // The same scene, whose stock is shared, at another time. Throws std::bad_alloc if acceleration
   // structure and what moves, which are its own, take more than max_bytes.
-  Scene(const Scene& other, const motion::Interval& interval, uint64_t max_bytes)
+  Scene(const Scene& other, const motion::Interval& interval,
+        uint64_t max_bytes = geometry::kAnyBytes)
       : Scene(other.stock_, interval, max_bytes) {}
 
   Scene(const Scene&) = delete;
