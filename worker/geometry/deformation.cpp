@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <new>
 
 namespace metrofarm::geometry {
 namespace {
@@ -81,36 +82,65 @@ void append_step(const std::vector<float>& a, const std::vector<float>& b, doubl
     table.push_back(static_cast<float>((1 - share) * a[i] + share * b[i]));
 }
 
+bool moves_during(const std::vector<double>& times, const motion::Interval& interval) {
+  return interval.length() > 0 && times.front() < interval.end && times.back() > interval.begin;
+}
+
+bool has_normals(const DeformingMesh& mesh) {
+  return !mesh.keys[0].normals.empty();
+}
+
 }  // namespace
 
 Deformations::Deformations(const std::vector<scene::Shape>& shapes, const Primitives& primitives,
-                           const motion::Interval& interval) {
-  if (primitives.deforming.empty()) return;
+                           const motion::Interval& interval, uint64_t max_bytes) {
+  const std::vector<DeformingMesh>& meshes = primitives.deforming;
+  if (meshes.empty()) return;
+  const auto times = [&](size_t mesh) -> const std::vector<double>& {
+    return shapes[meshes[mesh].shape].key_times;
+  };
+  std::vector<int> segments;
+  for (size_t i = 0; i < meshes.size(); ++i) {
+    const bool moves = moves_during(times(i), interval);
+    segments.push_back(moves ? segments_of(meshes[i], times(i), interval) : 0);
+    anything_moves_ = anything_moves_ || moves;
+  }
+  reserve(meshes, segments, max_bytes);
   for (std::vector<int32_t>* table : {&segments_, &rows_, &first_vertex_})
     table->assign(shapes.size(), 0);
   first_row_.assign(shapes.size(), -1);
-  for (const DeformingMesh& mesh : primitives.deforming)
-    add(mesh, shapes[mesh.shape].key_times, interval);
+  for (size_t i = 0; i < meshes.size(); ++i) add(meshes[i], times(i), interval, segments[i]);
   positions_.resize(positions_.size() + kSpareFloats, 0.F);
-  normals_.resize(normals_.size() + kSpareFloats, 0.F);
+  if (!normals_.empty()) normals_.resize(normals_.size() + kSpareFloats, 0.F);
+}
+
+void Deformations::reserve(const std::vector<DeformingMesh>& meshes,
+                           const std::vector<int>& segments, uint64_t max_bytes) {
+  // Lanes number floats, not rows, when they gather.
+  constexpr uint64_t kMostRows = (uint64_t{1} << 31) / 3;
+  uint64_t rows = 0;
+  for (size_t i = 0; i < meshes.size(); ++i)
+    rows += meshes[i].keys[0].positions.size() / 3 * (static_cast<uint64_t>(segments[i]) + 1);
+  const bool normals = std::any_of(meshes.begin(), meshes.end(), has_normals);
+  const uint64_t floats = 3 * rows + kSpareFloats;
+  if (rows > kMostRows || floats * sizeof(float) * (normals ? 2 : 1) > max_bytes)
+    throw std::bad_alloc();
+  positions_.reserve(floats);
+  if (normals) normals_.reserve(floats);
 }
 
 void Deformations::add(const DeformingMesh& mesh, const std::vector<double>& times,
-                       const motion::Interval& interval) {
+                       const motion::Interval& interval, int segments) {
   const auto first = static_cast<int32_t>(positions_.size() / 3);
   const size_t vertices = mesh.keys[0].positions.size() / 3;
-  const bool moves =
-      interval.length() > 0 && times.front() < interval.end && times.back() > interval.begin;
-  const int segments = moves ? segments_of(mesh, times, interval) : 0;
   for (int step = 0; step <= segments; ++step) {
     const double share = segments > 0 ? static_cast<double>(step) / segments : 0;
     const KeyPlace place = place_of(times, interval.begin + share * interval.length());
     const scene::VertexKey &a = mesh.keys[place.key], &b = mesh.keys[place.next];
     append_step(a.positions, b.positions, place.share, positions_);
     append_step(a.normals, b.normals, place.share, normals_);
-    normals_.resize(positions_.size(), 0.F);
+    if (normals_.capacity() > 0) normals_.resize(positions_.size(), 0.F);
   }
-  anything_moves_ = anything_moves_ || moves;
   first_of_mesh_.push_back(first);
   step_count_.push_back(segments + 1);
   vertex_count_.push_back(vertices);
@@ -136,6 +166,7 @@ DeformedCorners Deformations::at(Int shape, const Int corner[3], Float time, boo
   const Int first = gather(first_row_.data(), shape, lanes) + segment * rows -
                     gather(first_vertex_.data(), shape, lanes);
   const Int to_next = select(less(segment, segments), rows, Int(0));
+  const Vec3 no_normal = {Float(0.F), Float(0.F), Float(0.F)};
   DeformedCorners corners;
   for (int k = 0; k < 3; ++k) {
     const Int row = first + corner[k], next = row + to_next;
@@ -143,7 +174,7 @@ DeformedCorners Deformations::at(Int shape, const Int corner[3], Float time, boo
       return gather3(table.data(), row, lanes) * rest + gather3(table.data(), next, lanes) * share;
     };
     corners.position[k] = mixed(positions_);
-    if (normals) corners.normal[k] = mixed(normals_);
+    if (normals) corners.normal[k] = normals_.empty() ? no_normal : mixed(normals_);
   }
   return corners;
 }

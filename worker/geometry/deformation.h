@@ -22,8 +22,10 @@ struct DeformedCorners {
 class Deformations {
  public:
   // key_times: of each shape, see scene::Shape.
+  // Throws std::bad_alloc, before there are tables, if they would take more than max_bytes or have
+  // more rows than 32-bit numbers of floats reach.
   Deformations(const std::vector<scene::Shape>& shapes, const Primitives& primitives,
-               const motion::Interval& interval);
+               const motion::Interval& interval, uint64_t max_bytes = kAnyBytes);
 
   bool empty() const { return first_row_.empty(); }
   bool anything_moves() const { return anything_moves_; }
@@ -44,10 +46,14 @@ class Deformations {
   uint64_t bytes() const;
 
  private:
+  void reserve(const std::vector<DeformingMesh>& meshes, const std::vector<int>& segments,
+               uint64_t max_bytes);
   void add(const DeformingMesh& mesh, const std::vector<double>& times,
-           const motion::Interval& interval);
+           const motion::Interval& interval, int segments);
 
-  std::vector<float> positions_, normals_;  // 3 per row; a row per mesh, step and vertex
+  // 3 per row; a row per mesh, step and vertex.
+  std::vector<float> positions_;
+  std::vector<float> normals_;  // zero where the mesh has none; empty if none has
   bool anything_moves_ = false;
   // By mesh.
   std::vector<int32_t> first_of_mesh_, step_count_;

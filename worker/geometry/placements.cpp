@@ -88,8 +88,8 @@ Extent extent_of(const Bounds& box) {
 }  // namespace
 
 Placements::Placements(const scene::SceneDescription& description, const Primitives& primitives,
-                       const motion::Interval& interval)
-    : deformations_(description.shapes, primitives, interval), poses_(interval) {
+                       const motion::Interval& interval, uint64_t max_bytes)
+    : deformations_(description.shapes, primitives, interval, max_bytes), poses_(interval) {
   std::vector<Bounds> groups;
   for (const PrimitiveRange& group : primitives.groups)
     groups.push_back(bounds_of(primitives, group));

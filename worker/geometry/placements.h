@@ -23,8 +23,9 @@ struct Carrier {
 class Placements {
  public:
   // Requires: primitives were built from the description; matrices are not singular.
+  // Throws std::bad_alloc if the meshes that deform need more than max_bytes, see Deformations.
   Placements(const scene::SceneDescription& description, const Primitives& primitives,
-             const motion::Interval& interval);
+             const motion::Interval& interval, uint64_t max_bytes = kAnyBytes);
 
   const motion::Interval& interval() const { return poses_.interval(); }
   bool empty() const { return fixed_.empty(); }

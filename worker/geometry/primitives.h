@@ -96,6 +96,9 @@ struct Primitives {
   uint64_t bytes() const;
 };
 
+// No limit.
+inline constexpr uint64_t kAnyBytes = ~uint64_t{0};
+
 inline constexpr int kAnalyticStride = 12;
 // Rounding error of a position is proportional to the coordinates it was computed from; this many
 // times float's epsilon covers barycentric interpolation and the next intersection test.

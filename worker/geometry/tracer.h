@@ -25,8 +25,6 @@ struct RayHits {
 
 class Tracer {
  public:
-  static constexpr uint64_t kAnyBytes = ~uint64_t{0};
-
   // isa: Embree's instruction set, part of what decides the bits ("avx2").
   // Throws std::bad_alloc if Embree needs more than max_bytes or there is no memory.
   // primitives, placements: outlive this.

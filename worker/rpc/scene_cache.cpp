@@ -1,5 +1,6 @@
 #include "rpc/scene_cache.h"
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <new>
@@ -43,7 +44,8 @@ Error relative(Error error, const fs::path& bundle) {
 
 LoadedScene::LoadedScene(metrofarm::scene::SceneDescription description, std::string_view isa,
                          uint64_t max_bytes)
-    : scene_(std::make_shared<transport::Scene>(std::move(description), isa, max_bytes)) {}
+    : max_bytes_(max_bytes),
+      scene_(std::make_shared<transport::Scene>(std::move(description), isa, max_bytes)) {}
 
 std::shared_ptr<const transport::Scene> LoadedScene::during(
     const motion::Interval& interval) const {
@@ -54,10 +56,44 @@ std::shared_ptr<const transport::Scene> LoadedScene::during(
     others_.splice(others_.begin(), others_, it);
     return others_.front();
   }
-  // Room first: frames come one after the other.
+  // Room first: frames come one after the other, and each takes about what the last one did.
   constexpr size_t kMostOthers = 2;
-  if (others_.size() == kMostOthers) others_.pop_back();
-  return others_.emplace_front(std::make_shared<transport::Scene>(*scene_, interval));
+  while (others_.size() >= kMostOthers ||
+         (!others_.empty() && room() < others_.front()->own_bytes()))
+    others_.pop_back();
+  auto built = build(interval);
+  return others_.emplace_front(std::move(built));
+}
+
+// Requires: mutex_. What was kept goes where that makes it fit.
+std::shared_ptr<const transport::Scene> LoadedScene::build(const motion::Interval& interval) const {
+  for (;;) {
+    try {
+      auto built = std::make_shared<transport::Scene>(*scene_, interval, room());
+      if (built->own_bytes() <= room()) return built;
+    } catch (const std::bad_alloc&) {
+      if (others_.empty()) throw;
+    }
+    if (others_.empty()) throw std::bad_alloc();
+    others_.pop_back();
+  }
+}
+
+uint64_t LoadedScene::bytes() const {
+  const std::lock_guard lock(mutex_);
+  return kept_bytes();
+}
+
+// Requires: mutex_.
+uint64_t LoadedScene::kept_bytes() const {
+  uint64_t bytes = scene_->bytes().total();
+  for (const auto& other : others_) bytes += other->own_bytes();
+  return bytes;
+}
+
+// Requires: mutex_.
+uint64_t LoadedScene::room() const {
+  return max_bytes_ - std::min(max_bytes_, kept_bytes());
 }
 
 SceneCache::SceneCache(SceneCacheOptions options, Metrics& metrics, Log& log)
@@ -77,17 +113,37 @@ std::optional<LoadFault> SceneCache::get(const SceneRef& ref, const Fetch& fetch
   }
   shrink(options_.scene_memory / 2, kScenes - 1, 0);
   if (auto fault = load(ref, fetch, progress, scene)) return fault;
-  scenes_.push_front({key, scene, scene->scene().bytes().total()});
+  scenes_.push_front({key, scene});
   shrink(options_.scene_memory, kScenes, 1);
   return std::nullopt;
+}
+
+std::optional<LoadFault> SceneCache::during(const LoadedScene& scene,
+                                            const motion::Interval& interval,
+                                            std::shared_ptr<const transport::Scene>& at_that_time) {
+  const std::lock_guard lock(mutex_);
+  std::optional<LoadFault> fault;
+  try {
+    at_that_time = scene.during(interval);
+  } catch (const std::bad_alloc&) {
+    fault = too_large();
+  }
+  shrink(options_.scene_memory, kScenes, 1);
+  return fault;
+}
+
+LoadFault SceneCache::too_large() const {
+  return {LoadFault::Kind::kWorker,
+          "geometry and acceleration structure take more than the worker's " +
+              std::to_string(options_.scene_memory) + " bytes of --scene-memory"};
 }
 
 // Requires: mutex_. Those used last stay, min_scenes of them whatever they take.
 void SceneCache::shrink(uint64_t max_bytes, size_t max_scenes, size_t min_scenes) {
   uint64_t bytes = 0;
-  for (const Kept& kept : scenes_) bytes += kept.bytes;
+  for (const Kept& kept : scenes_) bytes += kept.scene->bytes();
   while (scenes_.size() > min_scenes && (bytes > max_bytes || scenes_.size() > max_scenes)) {
-    bytes -= scenes_.back().bytes;
+    bytes -= scenes_.back().scene->bytes();
     scenes_.pop_back();
   }
   metrics_.loaded_scenes(scenes_.size(), bytes);
@@ -126,9 +182,7 @@ std::optional<LoadFault> SceneCache::load(const SceneRef& ref, const Fetch& fetc
     loaded = std::make_shared<LoadedScene>(std::move(description.value()), options_.isa,
                                            options_.scene_memory);
   } catch (const std::bad_alloc&) {
-    return LoadFault{LoadFault::Kind::kWorker,
-                     "geometry and acceleration structure take more than the worker's " +
-                         std::to_string(options_.scene_memory) + " bytes of --scene-memory"};
+    return too_large();
   }
   loaded->times = {load_seconds, seconds_since(build_start)};
   scene = std::move(loaded);

@@ -17,7 +17,8 @@
 
 namespace metrofarm::rpc {
 
-// A scene, and the same scene while other shutters than the sensor's own are open. Thread-safe.
+// A scene, and the same scene while other shutters than the sensor's own are open: together within
+// max_bytes. Thread-safe.
 class LoadedScene {
  public:
   LoadedScene(metrofarm::scene::SceneDescription description, std::string_view isa,
@@ -28,10 +29,17 @@ class LoadedScene {
   // While the sensor's own shutter is open.
   const transport::Scene& scene() const { return *scene_; }
   // All that does not depend on the interval is shared, and so is the rest where nothing moves.
-  // Throws std::bad_alloc.
+  // Throws std::bad_alloc if there is no room for it beside scene().
   std::shared_ptr<const transport::Scene> during(const motion::Interval& interval) const;
+  // Of all that is kept.
+  uint64_t bytes() const;
 
  private:
+  std::shared_ptr<const transport::Scene> build(const motion::Interval& interval) const;
+  uint64_t kept_bytes() const;
+  uint64_t room() const;
+
+  uint64_t max_bytes_;
   std::shared_ptr<const transport::Scene> scene_;
   mutable std::mutex mutex_;
   mutable std::list<std::shared_ptr<const transport::Scene>> others_;  // last used first
@@ -61,12 +69,17 @@ class SceneCache {
   // they take half of the memory for scenes at most. Messages name files relative to the bundle.
   std::optional<LoadFault> get(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                const Progress& progress, Scene& scene);
+  // A scene that get() has given while another shutter is open, see LoadedScene::during(). Other
+  // scenes that are kept make room.
+  std::optional<LoadFault> during(const LoadedScene& scene, const motion::Interval& interval,
+                                  std::shared_ptr<const transport::Scene>& at_that_time);
   // Forgets loaded scenes, in case memory is to blame.
   void clear();
 
  private:
   std::optional<LoadFault> load(const metrofarm::scene::v1::SceneRef& ref, const Fetch& fetch,
                                 const Progress& progress, Scene& scene);
+  LoadFault too_large() const;
   void shrink(uint64_t max_bytes, size_t max_scenes, size_t min_scenes);
 
   SceneCacheOptions options_;
@@ -76,7 +89,6 @@ class SceneCache {
   struct Kept {
     std::string key;
     Scene scene;
-    uint64_t bytes = 0;
   };
   std::list<Kept> scenes_;  // most recently used first
 };

@@ -110,7 +110,9 @@ void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
   order.leases.set_activity("rendering");
   const auto spec = to_spec(first.spec(), scene.scene().description());
   if (!spec) return fail(order, farm::v1::FAILURE_REASON_WORKER, spec.error().to_string());
-  const auto at_that_time = scene.during(work_unit::interval_of(spec.value()));
+  std::shared_ptr<const transport::Scene> at_that_time;
+  if (auto fault = scenes_.during(scene, work_unit::interval_of(spec.value()), at_that_time))
+    return fail(order, farm::v1::FAILURE_REASON_WORKER, fault->message);
   const Context context(*at_that_time, spec.value());
   if (!first.has_bootstrap() && !first.has_kernel_trials())
     return run_segments(context, segments_of(order.tasks), order);

@@ -30,10 +30,9 @@ struct SceneBytes {
 
 // What of a scene no shutter changes.
 struct SceneStock {
-  SceneStock(scene::SceneDescription of, std::string_view instructions, uint64_t most_bytes)
+  SceneStock(scene::SceneDescription of, std::string_view instructions)
       : description(std::move(of)),
         isa(instructions),
-        max_bytes(most_bytes),
         primitives(geometry::build_primitives(description)),
         images(std::move(description.images)),
         textures(description.textures, images, primitives),
@@ -42,7 +41,6 @@ struct SceneStock {
 
   scene::SceneDescription description;
   std::string isa;
-  uint64_t max_bytes;
   geometry::Primitives primitives;
   texture::Images images;
   texture::Textures textures;
@@ -57,11 +55,14 @@ class Scene {
   // While the sensor's own shutter is open. Mesh data and images are moved out of the description.
   // Throws std::bad_alloc if geometry and acceleration structure take more than max_bytes.
   Scene(scene::SceneDescription description, std::string_view isa,
-        uint64_t max_bytes = geometry::Tracer::kAnyBytes)
-      : Scene(std::make_shared<SceneStock>(std::move(description), isa, max_bytes)) {}
+        uint64_t max_bytes = geometry::kAnyBytes)
+      : Scene(std::make_shared<SceneStock>(std::move(description), isa), max_bytes) {}
 
-  // The same scene, whose stock is shared, at another time. Throws as above.
-  Scene(const Scene& other, const motion::Interval& interval) : Scene(other.stock_, interval) {}
+  // The same scene, whose stock is shared, at another time. Throws std::bad_alloc if acceleration
+  // structure and what moves, which are its own, take more than max_bytes.
+  Scene(const Scene& other, const motion::Interval& interval,
+        uint64_t max_bytes = geometry::kAnyBytes)
+      : Scene(other.stock_, interval, max_bytes) {}
 
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
@@ -86,22 +87,29 @@ class Scene {
     return {stock_->primitives.bytes() + placements_.bytes(), tracer_.bytes(),
             stock_->images.bytes() + stock_->textures.bytes(), lights_.bytes()};
   }
+  // Those that it does not share with the same scene at other times.
+  uint64_t own_bytes() const { return placements_.bytes() + tracer_.bytes() + lights_.bytes(); }
 
  private:
-  explicit Scene(const std::shared_ptr<const SceneStock>& stock)
+  Scene(const std::shared_ptr<const SceneStock>& stock, uint64_t max_bytes)
       : Scene(stock,
-              {stock->description.sensor.shutter_open, stock->description.sensor.shutter_close}) {}
+              {stock->description.sensor.shutter_open, stock->description.sensor.shutter_close},
+              rest_of(max_bytes, stock->primitives.bytes())) {}
 
-  Scene(std::shared_ptr<const SceneStock> stock, const motion::Interval& interval)
+  // max_bytes: of what is its own, but for the lights.
+  Scene(std::shared_ptr<const SceneStock> stock, const motion::Interval& interval,
+        uint64_t max_bytes)
       : stock_(std::move(stock)),
-        placements_(stock_->description, stock_->primitives, interval),
+        placements_(stock_->description, stock_->primitives, interval, max_bytes),
         tracer_(stock_->primitives, placements_, stock_->isa,
-                stock_->max_bytes - std::min(stock_->max_bytes, stock_->primitives.bytes())),
+                rest_of(max_bytes, placements_.bytes())),
         lights_(stock_->description, stock_->primitives, placements_, stock_->images,
                 stock_->textures) {
     needs_ = stock_->materials.needs();
     needs_.uv = needs_.uv || lights_.wants_uv();
   }
+
+  static uint64_t rest_of(uint64_t bytes, uint64_t taken) { return bytes - std::min(bytes, taken); }
 
   std::shared_ptr<const SceneStock> stock_;
   geometry::Placements placements_;

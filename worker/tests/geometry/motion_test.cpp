@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <new>
 
 #include "tests/geometry/world.h"
 #include "tests/motion/motions.h"
@@ -331,6 +332,31 @@ TEST(DeformingMesh, StandsAtAnInstant) {
   test::SceneBuilder s;
   s.shape(between(mesh, times, 0.5), s.diffuse(0.5F));
   expect_alike(compare(world, World(s), 0));
+}
+
+TEST(DeformingMesh, TablesBeyondTheLimitAreRefused) {
+  for (const bool smooth : {true, false}) {
+    test::SceneBuilder b;
+    std::vector<double> times;
+    scene::TriangleMesh mesh = deforming_ball(times);
+    if (!smooth) mesh.normals.clear();
+    for (scene::VertexKey& key : mesh.keys)
+      if (!smooth) key.normals.clear();
+    const size_t vertices = mesh.positions.size() / 3;
+    for (int i = 0; i < 2; ++i) {
+      b.shape(mesh, b.diffuse(0.5F));
+      b.description().shapes.back().key_times = times;
+    }
+    const World world(b.take(), {0, 1});
+    const Deformations& tables = world.placements.deformations();
+    const auto steps = static_cast<size_t>(tables.step_count(0) + tables.step_count(1));
+    EXPECT_GT(steps, 4U);
+    const uint64_t bytes = (3 * steps * vertices + kSpareFloats) * sizeof(float) * (smooth ? 2 : 1);
+    EXPECT_EQ(tables.bytes(), bytes + 2 * 4 * sizeof(int32_t)) << "no more than asked for";
+    const motion::Interval interval = {0, 1};
+    EXPECT_THROW(Placements(world.scene, world.primitives, interval, bytes - 1), std::bad_alloc);
+    EXPECT_NO_THROW(Placements(world.scene, world.primitives, interval, bytes));
+  }
 }
 
 }  // namespace

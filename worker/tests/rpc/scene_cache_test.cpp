@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <new>
 #include <string>
 
 #include "rpc/sha256.h"
+#include "tests/support/scenes.h"
 
 namespace metrofarm::rpc {
 namespace {
@@ -38,7 +40,7 @@ class SceneCacheTest : public testing::Test {
   SceneCache::Scene load(SceneCache& cache, const std::function<void()>& before) {
     std::string xml =
         R"(<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/>)";
-    for (int i = 0; i < 1000; ++i) xml += R"(<shape type="cube"/>)";
+    for (int i = 0; i < 1000; ++i) xml += cube_;
     xml += "<!-- " + std::to_string(++scenes_) + " --></scene>";
     scene::v1::BundleManifest manifest;
     auto& file = *manifest.add_files();
@@ -74,7 +76,24 @@ class SceneCacheTest : public testing::Test {
     return stayed;
   }
 
+  // The bytes of a scene of cubes that move, and those of one more shutter.
+  struct Sizes {
+    uint64_t scene = 0, shutter = 0;
+  };
+  Sizes moving_cubes() {
+    cube_ = R"(<shape type="cube"><animation name="to_world"><transform time="0"/>)"
+            R"(<transform time="1"><translate x="1"/></transform></animation></shape>)";
+    auto large = cache(uint64_t{1} << 30);
+    const SceneCache::Scene scene = load(large);
+    const uint64_t alone = scene->bytes();
+    std::shared_ptr<const transport::Scene> frame;
+    EXPECT_FALSE(large.during(*scene, kFrame, frame));
+    return {alone, scene->bytes() - alone};
+  }
+
+  static constexpr motion::Interval kFrame = {0.25, 0.5};
   fs::path directory_;
+  std::string cube_ = R"(<shape type="cube"/>)";
   int scenes_ = 0;
   Metrics metrics_{"test", "avx2", 1};
   Log log_{"test", LogFormat::kText, [](std::string_view) {}};
@@ -90,6 +109,93 @@ TEST_F(SceneCacheTest, AScenePassesItsMemoryOnToTheNext) {
 TEST_F(SceneCacheTest, ASceneStaysWhereThereIsRoom) {
   auto large = cache(uint64_t{1} << 30);
   EXPECT_TRUE(stays(large));
+}
+
+TEST_F(SceneCacheTest, AnotherShutterTakesTheRoomOfOtherScenes) {
+  const Sizes sizes = moving_cubes();
+  ASSERT_GT(sizes.shutter, 0U);
+  auto two = cache(2 * sizes.scene + sizes.shutter / 2);
+  const std::weak_ptr<const LoadedScene> first = load(two);
+  const SceneCache::Scene second = load(two);
+  EXPECT_FALSE(first.expired());
+  std::shared_ptr<const transport::Scene> frame;
+  const auto fault = two.during(*second, kFrame, frame);
+  EXPECT_FALSE(fault) << fault->message;
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->interval(), kFrame);
+  EXPECT_TRUE(first.expired());
+}
+
+TEST_F(SceneCacheTest, AShutterWithoutRoomBesideItsSceneIsAFault) {
+  const Sizes sizes = moving_cubes();
+  auto tight = cache(sizes.scene + sizes.shutter / 2);
+  const SceneCache::Scene scene = load(tight);
+  ASSERT_TRUE(scene);
+  std::shared_ptr<const transport::Scene> frame;
+  const auto fault = tight.during(*scene, kFrame, frame);
+  ASSERT_TRUE(fault);
+  EXPECT_EQ(fault->kind, LoadFault::Kind::kWorker);
+  EXPECT_NE(fault->message.find("--scene-memory"), std::string::npos) << fault->message;
+  EXPECT_FALSE(frame);
+  EXPECT_EQ(scene->bytes(), sizes.scene);
+}
+
+// A mesh of 2 * across^2 triangles that is bent halfway; the shutter itself is an instant.
+scene::SceneDescription bending_sheet(int across) {
+  scene::TriangleMesh mesh;
+  mesh.keys.resize(3);
+  for (int i = 0; i <= across; ++i) {
+    for (int j = 0; j <= across; ++j) {
+      const auto x = static_cast<float>(i), y = static_cast<float>(j);
+      for (float v : {x, y, 0.F}) mesh.positions.push_back(v);
+      for (int key = 0; key < 3; ++key)
+        for (float v : {x, y, key == 1 ? x * y : 0.F}) mesh.keys[key].positions.push_back(v);
+    }
+  }
+  for (int i = 0; i < across; ++i) {
+    for (int j = 0; j < across; ++j) {
+      const auto a = static_cast<uint32_t>(i * (across + 1) + j);
+      const uint32_t c = a + static_cast<uint32_t>(across) + 1;
+      for (uint32_t index : {a, c, a + 1, a + 1, c, c + 1}) mesh.indices.push_back(index);
+    }
+  }
+  test::SceneBuilder b;
+  b.shape(std::move(mesh), b.diffuse(0.5F));
+  b.description().shapes[0].key_times = {0, 0.3, 1};
+  return b.take();
+}
+
+// From room for none to room for all that may be kept.
+TEST(LoadedScene, ShuttersStayWithinItsMemory) {
+  const std::vector<motion::Interval> frames = {{0, 0.4}, {0.1, 0.5}, {0.2, 0.6}, {0.1, 0.9}};
+  const LoadedScene free(bending_sheet(20), "avx2", uint64_t{1} << 40);
+  const uint64_t alone = free.bytes();
+  EXPECT_EQ(alone, free.scene().bytes().total());
+  uint64_t largest = 0;
+  for (const auto& frame : frames) largest = std::max(largest, free.during(frame)->own_bytes());
+  const uint64_t last_two =
+      free.during(frames[2])->own_bytes() + free.during(frames[3])->own_bytes();
+  EXPECT_EQ(free.bytes(), alone + last_two) << "two are kept";
+
+  int refused = 0, one = 0, two = 0;
+  for (int quarters = 2; quarters <= 64; ++quarters) {
+    const uint64_t most = alone + largest * static_cast<uint64_t>(quarters) / 4;
+    const LoadedScene scene(bending_sheet(20), "avx2", most);
+    uint64_t last = 0;
+    try {
+      for (const auto& frame : frames) last = scene.during(frame)->own_bytes();
+    } catch (const std::bad_alloc&) {
+      last = 0;
+    }
+    EXPECT_LE(scene.bytes(), most);
+    if (last == 0) ++refused;
+    if (last != 0 && scene.bytes() == alone + last) ++one;
+    if (last != 0 && scene.bytes() == alone + last_two) ++two;
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_GT(one, 0);
+  EXPECT_GT(two, 0);
+  EXPECT_EQ(refused + one + two, 63);
 }
 
 }  // namespace
