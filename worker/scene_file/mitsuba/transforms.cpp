@@ -148,7 +148,7 @@ std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
       const scene::Linear& m = *carried;
       for (scene::Turn& turn : turns) {
         const Point a = turn.axis;
-        for (int i = 0; i < 3; ++i)
+        for (size_t i = 0; i < 3; ++i)
           turn.axis[i] = m[3 * i] * a[0] + m[3 * i + 1] * a[1] + m[3 * i + 2] * a[2];
       }
     }
