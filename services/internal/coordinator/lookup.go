@@ -120,29 +120,14 @@ func (c *Coordinator) Live(context.Context) ([]job.Snapshot, error) { return c.O
 
 // Jobs implements api.Service. Snapshots of jobs that other coordinators own are marked as stale.
 func (c *Coordinator) Jobs(ctx context.Context, cursor string, limit int) ([]job.Snapshot, string, error) {
-	if limit <= 0 {
-		limit = defaultPage
-	}
-	limit = min(limit, maxPage)
-	before := uint64(0)
-	if cursor != "" {
-		last, err := c.options.Store.Job(ctx, cursor)
-		switch {
-		case errors.Is(err, job.ErrNotFound):
-			return nil, "", &job.FieldError{Field: "cursor", Detail: "names no job"}
-		case err != nil:
-			return nil, "", err
-		}
-		before = last.Number
-	}
-	page, err := c.options.Store.Jobs(ctx, before, limit+1)
+	page, next, err := readPage(cursor, limit, listed[store.Owned]{
+		noun:   "job",
+		cursor: func() (uint64, error) { j, err := c.options.Store.Job(ctx, cursor); return j.Number, err },
+		read:   func(before uint64, n int) ([]store.Owned, error) { return c.options.Store.Jobs(ctx, before, n) },
+		id:     func(j *store.Owned) string { return j.ID },
+	})
 	if err != nil {
 		return nil, "", err
-	}
-	next := ""
-	if len(page) > limit {
-		page = page[:limit]
-		next = page[limit-1].ID
 	}
 	snapshots := make([]job.Snapshot, 0, len(page))
 	positions := c.positions()
@@ -164,4 +149,37 @@ func (c *Coordinator) show(j store.Owned, positions map[*run]int) job.Snapshot {
 		snapshot.Owner = j.Owner.REST
 	}
 	return snapshot
+}
+
+// listed is a list of the store, newest first.
+type listed[T any] struct {
+	noun   string                                      // of an item, for errors
+	cursor func() (uint64, error)                      // number of the item that the cursor names
+	read   func(before uint64, limit int) ([]T, error) // items with lower numbers; before 0: all
+	id     func(*T) string
+}
+
+// readPage returns at most limit items after the one that the cursor names, and the next cursor if there
+// are more.
+func readPage[T any](cursor string, limit int, list listed[T]) ([]T, string, error) {
+	if limit <= 0 {
+		limit = defaultPage
+	}
+	limit = min(limit, maxPage)
+	before := uint64(0)
+	if cursor != "" {
+		var err error
+		before, err = list.cursor()
+		switch {
+		case errors.Is(err, job.ErrNotFound):
+			return nil, "", &job.FieldError{Field: "cursor", Detail: "names no " + list.noun}
+		case err != nil:
+			return nil, "", err
+		}
+	}
+	page, err := list.read(before, limit+1)
+	if err != nil || len(page) <= limit {
+		return page, "", err
+	}
+	return page[:limit], list.id(&page[limit-1]), nil
 }

@@ -127,29 +127,16 @@ func viewOf(q *store.Sequence) job.Sequence {
 
 // Sequences implements api.Service. The states are those that were last stored.
 func (c *Coordinator) Sequences(ctx context.Context, cursor string, limit int) ([]job.Sequence, string, error) {
-	if limit <= 0 {
-		limit = defaultPage
-	}
-	limit = min(limit, maxPage)
-	before := uint64(0)
-	if cursor != "" {
-		last, err := c.options.Store.Sequence(ctx, cursor)
-		switch {
-		case errors.Is(err, job.ErrNotFound):
-			return nil, "", &job.FieldError{Field: "cursor", Detail: "names no sequence"}
-		case err != nil:
-			return nil, "", err
-		}
-		before = last.Number
-	}
-	page, err := c.options.Store.Sequences(ctx, before, limit+1)
+	page, next, err := readPage(cursor, limit, listed[store.Sequence]{
+		noun:   "sequence",
+		cursor: func() (uint64, error) { q, err := c.options.Store.Sequence(ctx, cursor); return q.Number, err },
+		read: func(before uint64, n int) ([]store.Sequence, error) {
+			return c.options.Store.Sequences(ctx, before, n)
+		},
+		id: func(q *store.Sequence) string { return q.ID },
+	})
 	if err != nil {
 		return nil, "", err
-	}
-	next := ""
-	if len(page) > limit {
-		page = page[:limit]
-		next = page[limit-1].ID
 	}
 	sequences := make([]job.Sequence, len(page))
 	for i := range page {
