@@ -6,8 +6,8 @@ usage: farm_cost.py [--scene NAME] [--mutations N] [--repetitions N] [--out DIR]
 One coordinator with its data on disk, real workers that connect to it, chains at 320 x 180:
 
 - Overhead: CPU time of coordinator and worker for a job of 3 N mutations per pixel less that for
-  one of N, over the CPU time that the bare worker's loop takes for the difference, minus 1. The
-  difference removes what a job costs once (start, loading, bootstrap, the last image).
+  one of N, over the CPU time that the bare worker's loop takes for the difference (mean of a run
+  before and one after), minus 1. The difference removes what a job costs once (start, loading, bootstrap, the last image).
 - Checkpoints: their CPU time is within the overhead; told apart is the time that writing them
   takes, over the time of rendering.
 - Scaling: mutations per second of rendering, of one worker with one thread, one with two and two
@@ -115,13 +115,15 @@ def bare_rate(task: Task) -> float:
 
 
 def measure_overhead(task: Task) -> dict[str, float]:
-    bare = bare_rate(task)
+    # Before and after: the machine's own speed drifts by more than the overhead.
+    rates = [bare_rate(task)]
     with tempfile.TemporaryDirectory() as scratch:
         farm = started(Path(scratch), workers=1, threads=2)
         try:
             short, long = run_job(farm, task, 1), run_job(farm, task, 3)
         finally:
             farm.close()
+    bare = statistics.harmonic_mean([*rates, bare_rate(task)])
     mutations = long.mutations - short.mutations
     spent = long.cpu_seconds - short.cpu_seconds
     return {

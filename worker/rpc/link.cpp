@@ -22,7 +22,7 @@ farm::v1::LeaseRef ref_to(const farm::v1::Task& task) {
 
 // As told, within reason.
 double seal_seconds_of(const farm::v1::LeaseResponse& response) {
-  constexpr double kUsual = 1.5, kMost = 600;
+  constexpr double kUsual = 3, kMost = 600;
   const double told = response.seal_seconds();
   return told > 0 ? std::min(told, kMost) : kUsual;
 }

@@ -14,6 +14,7 @@ import (
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/coordinator/fakeworker"
 	"metrofarm/services/internal/film"
+	"metrofarm/services/internal/flow"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/merge"
 )
@@ -141,7 +142,7 @@ func TestWorkersAreToldHowLongToCollect(t *testing.T) {
 	defer func() { _, _ = s.c.Cancel(context.Background(), id) }()
 	inspect, err := s.c.Lease(context.Background(), &farmv1.LeaseRequest{WorkerId: w, MaxSegments: 4})
 	s.check(err)
-	if got := inspect.GetSealSeconds(); got != 1.5 {
+	if got := inspect.GetSealSeconds(); got != flow.MinSeal.Seconds() {
 		t.Errorf("%g seconds before there is a film", got)
 	}
 	(&hand{t: t, c: s.c, id: w}).report(inspect.GetTasks()[0], &farmv1.ReportRequest{Result: &farmv1.ReportRequest_Failure{
@@ -154,7 +155,7 @@ func TestWorkersAreToldHowLongToCollect(t *testing.T) {
 		two, err = s.c.Lease(context.Background(), &farmv1.LeaseRequest{WorkerId: w, MaxSegments: 1, WaitSeconds: 1})
 		s.check(err)
 	}
-	if got := two.GetSealSeconds(); got <= 1.5 || got > 600 {
+	if got := two.GetSealSeconds(); got <= flow.MinSeal.Seconds() || got > 600 {
 		t.Errorf("two workers should collect for %g seconds", got)
 	}
 }

@@ -8,7 +8,7 @@ import "time"
 // Bounds of the time that a worker collects segments in a film before it delivers it. The shortest
 // keeps images live; the longest bounds what is lost with a worker.
 const (
-	MinSeal = 1500 * time.Millisecond
+	MinSeal = 3 * time.Second
 	MaxSeal = 10 * time.Minute
 )
 
