@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import OpenEXR
 import pytest
 from conftest import MakeFarm
 
@@ -204,6 +206,16 @@ BAD_SHAPES = {
         animated("0", "1").replace('<translate x="1"/>', '<scale x="0"/>'),
         "flatten",
     ),
+    "mirrored-on-the-way": (
+        animated("0", "1").replace('<translate x="1"/>', '<scale x="-1"/>'),
+        "mirrored",
+    ),
+    "far-control-point": (
+        animated("0", "1")
+        .replace("<animation", '<animation interpolation="bezier"')
+        .replace('time="0"', 'time="0" out="1e200, 0, 0"'),
+        "reaches beyond",
+    ),
 }
 
 
@@ -221,3 +233,72 @@ def test_bad_motion_is_told_with_its_place(name: str, tmp_path: Path) -> None:
     assert f"{scene.name}:{line}" in done.stderr, done.stderr
     assert word in done.stderr, done.stderr
     assert not out.exists()
+
+
+LIT = '<emitter type="area"><rgb name="radiance" value="1"/></emitter>'
+# One-sided lights: what is seen of them tells their sides.
+ONE_SIDED = {
+    "sphere": f'<shape type="sphere">POSE{LIT}</shape>',
+    "disk": f'<shape type="disk">POSE{LIT}</shape>',
+    "rectangle": f'<shape type="rectangle">POSE{LIT}</shape>',
+    "triangles": f'<shape type="ply"><string name="filename" value="a.ply"/>POSE{LIT}</shape>',
+    "faces": '<shape type="ply"><string name="filename" value="a.ply"/>'
+    f'<boolean name="face_normals" value="true"/>POSE{LIT}</shape>',
+    "deformable": deformable("a.ply, a.ply", "0, 1").replace("</shape>", f"POSE{LIT}</shape>"),
+}
+
+
+def brightness(scene: Path) -> float:
+    """Mean of the image of a scene, over a shutter of one second."""
+    out = scene.with_suffix(".exr")
+    done = run(
+        *("render", scene, "-o", out, "--integrator", "path", "--spp", "64", "--seed", "1"),
+        *opens(0, 1),
+    )
+    assert done.returncode == 0, done.stderr
+    with OpenEXR.File(str(out), separate_channels=True) as image:
+        return float(np.mean(image.channels()["G"].pixels))
+
+
+@pytest.mark.parametrize("mirror", ["1", "-1"])
+@pytest.mark.parametrize("turn", [0, 180])
+@pytest.mark.parametrize("name", ONE_SIDED)
+def test_mirrored_poses_turn_what_moves_as_what_stands(
+    name: str, turn: int, mirror: str, tmp_path: Path
+) -> None:
+    for file, text in MESHES.items():
+        (tmp_path / file).write_text(text)
+    steps = f'<scale x="{mirror}"/><rotate y="1" angle="{turn}"/><translate z="SHIFT"/>'
+    far = 4 if name not in ("triangles", "faces", "deformable") else 7 * (turn > 0)
+    still, moves = (steps.replace("SHIFT", str(far + shift)) for shift in (0, 1e-5))
+    poses = {
+        "still": f'<transform name="to_world">{still}</transform>',
+        "moving": f'<animation name="to_world"><transform time="0">{still}</transform>'
+        f'<transform time="1">{moves}</transform></animation>',
+    }
+    seen = {}
+    for kind, pose in poses.items():
+        scene = tmp_path / f"{kind}.xml"
+        content = SENSOR.replace('<emitter type="constant"/>\n', "")
+        scene.write_text(content + ONE_SIDED[name].replace("POSE", pose) + "\n</scene>\n")
+        seen[kind] = brightness(scene)
+    assert seen["moving"] == pytest.approx(seen["still"], rel=1e-3, abs=1e-6)
+
+
+def test_meshes_without_extent_may_move(tmp_path: Path) -> None:
+    """A mesh that is one point, and one scaled to almost nothing."""
+    flat = ply(3, ["3 0 1 2"]).rsplit("end_header", 1)[0] + "end_header\n" + "1 1 3\n" * 3
+    (tmp_path / "point.ply").write_text(flat + "3 0 1 2\n")
+    (tmp_path / "a.ply").write_text(MESHES["a.ply"])
+    scene = tmp_path / "point.xml"
+    shapes = [
+        animated("0", "1").replace(
+            'type="sphere">', f'type="ply"><string name="filename" value="{file}"/>'
+        )
+        for file in ("point.ply", "a.ply")
+    ]
+    shapes[1] = shapes[1].replace("<translate", '<scale value="1e-20"/><translate')
+    scene.write_text(SENSOR + "".join(shapes) + "\n</scene>\n")
+    for integrator in BUDGETS:
+        stats = render(tmp_path, scene, integrator, *opens(0, 1))
+        assert stats["film_sha256"]

@@ -48,9 +48,13 @@ void AreaLights::add_shape(const scene::SceneDescription& description, size_t s)
   textured_ = textured_ || colour.texture != scene::kNone;
   smooth_ = smooth_ || primitives_.has_normals[s] != 0;
   const geometry::ShapeRecord& record = primitives_.shapes[s];
+  const geometry::DeformingMesh* deforming = deforming_mesh(s);
   for (uint32_t p = record.first_primitive; p < record.first_primitive + record.primitive_count;
        ++p) {
-    const double area = geometry::area_of(primitives_, p);
+    // What deforms may begin as nothing.
+    const double area = deforming
+                            ? geometry::largest_area_of(*deforming, p - record.first_primitive)
+                            : geometry::area_of(primitives_, p);
     const bool usable = area > 0 && std::isfinite(area);
     primitive_.push_back(static_cast<int32_t>(p));
     shape_.push_back(static_cast<int32_t>(s));
@@ -65,6 +69,12 @@ void AreaLights::add_shape(const scene::SceneDescription& description, size_t s)
     const double mean = colour.texture == scene::kNone ? weight : mean_weight(count() - 1, colour);
     powers_.push_back(usable ? std::numbers::pi * area * mean * mean_stretch(count() - 1) : 0.0);
   }
+}
+
+const geometry::DeformingMesh* AreaLights::deforming_mesh(size_t shape) const {
+  for (const geometry::DeformingMesh& mesh : primitives_.deforming)
+    if (static_cast<size_t>(mesh.shape) == shape) return &mesh;
+  return nullptr;
 }
 
 // Mean over the light's surface. Points may miss the little that is bright, which is chosen now
@@ -84,7 +94,8 @@ double AreaLights::mean_weight(int light, const scene::Colour& colour) const {
   return std::max(sum / (kLanes * rows), double(kColourShare) * weight_of(colour.value));
 }
 
-// At its middle, over eight times.
+// At its middle, over eight times, but never so little that it is not chosen: at other times it may
+// be large.
 double AreaLights::mean_stretch(int light) const {
   if (instance_[light] == scene::kNone) return 1;
   const Int lights(light);
@@ -92,7 +103,8 @@ double AreaLights::mean_stretch(int light) const {
   const Float time = times / Float(8.F);
   Point point = uniform_point(lights, {Float(0.5F), Float(0.5F)}, time, all_lanes());
   place(placed(lights, time, all_lanes()), point);
-  return sum_of_lanes(point.stretch) / kLanes;
+  constexpr double kLeast = 1.0 / 64;
+  return std::max(sum_of_lanes(point.stretch) / kLanes, kLeast);
 }
 
 AreaLights::Placed AreaLights::placed(Int light, Float time, Mask lanes) const {
@@ -120,7 +132,7 @@ void AreaLights::place(const Placed& placed, Point& point) {
   point.stretch = select(placed.lanes, point.stretch * stretch, point.stretch);
 }
 
-// By which deforming has changed the area in the light's own space.
+// The area in the light's own space, as a share of the largest that it has while deforming.
 Float AreaLights::own_stretch(Int light, Float time, Mask lanes) const {
   const Int shape = gather(shape_.data(), light, lanes);
   const Mask deforming = placements_.deformations().deforming(shape, lanes);

@@ -70,6 +70,7 @@ class AreaLights {
   };
 
   void add_shape(const scene::SceneDescription& description, size_t shape);
+  const geometry::DeformingMesh* deforming_mesh(size_t shape) const;
   double mean_weight(int light, const scene::Colour& radiance) const;
   LightBounds swept(const LightBounds& own, size_t instance) const;
   Mask of_kind(Int light, geometry::AnalyticKind kind, Mask lanes) const;

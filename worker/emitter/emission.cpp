@@ -89,7 +89,7 @@ HitDensity LightTable::density_of_hit(const Receiver& receiver, const geometry::
                                       Mask lanes) const {
   HitDensity d;
   const Mask lit = areas_.radiates(surface.shape, lanes);
-  if (none(lit)) return d;
+  if (none(lit) || empty()) return d;
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
   const Vec3& reference = receiver.position;
   const Float cosine = -dot(direction, surface.geometric_normal);

@@ -96,7 +96,7 @@ Float LightTable::pdf_of_hit(const Receiver& receiver, const geometry::RayHits& 
                              const geometry::Surface& surface, const Vec3& direction,
                              Mask lanes) const {
   const Mask lit = areas_.radiates(surface.shape, lanes);
-  if (none(lit)) return Float(0.F);
+  if (none(lit) || empty()) return Float(0.F);
   const Int light = areas_.light_at(surface.shape, hits.primitive, lit);
   return selection_.probability(light, receiver, lit) *
          areas_.pdf(light, receiver, surface, direction, lit);

@@ -27,24 +27,28 @@ double value_at(const DeformingMesh& mesh, const KeyPlace& place, size_t i) {
          place.share * mesh.keys[place.next].positions[i];
 }
 
+// The largest that it has at any key.
 double size_of(const DeformingMesh& mesh) {
   double size = 0;
-  for (size_t axis = 0; axis < 3; ++axis) {
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (size_t i = axis; i < mesh.keys[0].positions.size(); i += 3) {
-      low = std::min(low, double(mesh.keys[0].positions[i]));
-      high = std::max(high, double(mesh.keys[0].positions[i]));
+  for (const scene::VertexKey& key : mesh.keys) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+      double low = std::numeric_limits<double>::infinity(), high = -low;
+      for (size_t i = axis; i < key.positions.size(); i += 3) {
+        low = std::min(low, double(key.positions[i]));
+        high = std::max(high, double(key.positions[i]));
+      }
+      size = std::max(size, high - low);
     }
-    size = std::max(size, high - low);
   }
   return size;
 }
 
-// The way of a vertex is bent at keys only: there steps in between deviate most.
+// The way of a vertex is bent at keys only: there steps in between deviate most. Gives up from
+// `most` on.
 double deviation(const DeformingMesh& mesh, const std::vector<double>& times,
-                 const motion::Interval& interval, int segments) {
+                 const motion::Interval& interval, int segments, double most) {
   double worst = 0;
-  for (size_t k = 0; k < times.size(); ++k) {
+  for (size_t k = 0; k < times.size() && worst < most; ++k) {
     if (!(times[k] > interval.begin && times[k] < interval.end)) continue;
     const double at = (times[k] - interval.begin) / interval.length() * segments;
     const double step = std::floor(at), share = at - step;
@@ -68,7 +72,7 @@ int segments_of(const DeformingMesh& mesh, const std::vector<double>& times,
   int best = 1;
   double least = std::numeric_limits<double>::infinity();
   for (int segments = 1; segments <= kMost && least > enough; ++segments) {
-    const double found = deviation(mesh, times, interval, segments);
+    const double found = deviation(mesh, times, interval, segments, least);
     if (found >= least) continue;
     least = found;
     best = segments;

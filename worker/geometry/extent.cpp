@@ -18,11 +18,10 @@ double cross_length(Double3 a, Double3 b) {
   return std::hypot(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-double triangle_area(const Primitives& p, uint32_t triangle) {
-  const int32_t* i = &p.indices[3 * size_t{triangle}];
-  const float* a = &p.positions[3 * size_t(i[0])];
-  const float* b = &p.positions[3 * size_t(i[1])];
-  const float* c = &p.positions[3 * size_t(i[2])];
+double triangle_area(const std::vector<float>& positions, const int32_t* corners) {
+  const float* a = &positions[3 * size_t(corners[0])];
+  const float* b = &positions[3 * size_t(corners[1])];
+  const float* c = &positions[3 * size_t(corners[2])];
   return 0.5 * cross_length({double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]},
                             {double(c[0]) - a[0], double(c[1]) - a[1], double(c[2]) - a[2]});
 }
@@ -105,7 +104,8 @@ Bounds bounds_of(const Primitives& p, const PrimitiveRange& range) {
 }
 
 double area_of(const Primitives& p, uint32_t primitive) {
-  if (primitive < static_cast<uint32_t>(p.triangle_count)) return triangle_area(p, primitive);
+  if (primitive < static_cast<uint32_t>(p.triangle_count))
+    return triangle_area(p.positions, &p.indices[3 * size_t{primitive}]);
   const uint32_t i = primitive - static_cast<uint32_t>(p.triangle_count);
   const float* a = &p.analytic[size_t{i} * kAnalyticStride];
   switch (static_cast<AnalyticKind>(p.analytic_kind[i])) {
@@ -117,6 +117,13 @@ double area_of(const Primitives& p, uint32_t primitive) {
       return 2 * std::numbers::pi * cross_length({a[3], a[4], a[5]}, {a[9], a[10], a[11]});
   }
   return 0;
+}
+
+double largest_area_of(const DeformingMesh& mesh, size_t triangle) {
+  double largest = 0;
+  for (const scene::VertexKey& key : mesh.keys)
+    largest = std::max(largest, triangle_area(key.positions, &mesh.indices[3 * triangle]));
+  return largest;
 }
 
 Bounds bounds_of(const Primitives& p, const Placements& placements) {

@@ -51,6 +51,10 @@ class Placements {
   int step_count(size_t instance) const {
     return poses_.step_count(static_cast<size_t>(moving_[instance]));
   }
+  // How far from its track the steps take it at worst, relative to its size.
+  double deviation(size_t instance) const {
+    return poses_.deviation(static_cast<size_t>(moving_[instance]));
+  }
   // The matrix, 3 x 4, at one time in [0, 1].
   std::array<float, 12> matrix_at(size_t instance, float time) const;
   // Whether it turns, moves and scales alike along all axes only, at all times.

@@ -112,6 +112,8 @@ Primitives build_primitives(scene::SceneDescription& description);
 
 // Area of one primitive in the space of its group; of a cylinder its lateral surface.
 double area_of(const Primitives& primitives, uint32_t primitive);
+// Of a triangle of the mesh, at the key where it is largest.
+double largest_area_of(const DeformingMesh& mesh, size_t triangle);
 
 struct Bounds {
   float lower[3];

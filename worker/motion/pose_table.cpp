@@ -200,6 +200,7 @@ double largest_half_angle(const std::vector<Step>& steps) {
 struct Steps {
   std::vector<Step> steps;
   bool arcs = false;
+  double deviation = 0;
 };
 
 // A step of more than half a turn would go the other way round: those of much less are tried first.
@@ -213,7 +214,8 @@ Steps fewest_steps(const Sampled& motion) {
     if (segments > kMostStraight) break;
     if (segments < fewest) continue;
     std::vector<Step> steps = motion.steps(segments);
-    if (motion.deviation(steps, false, kTolerance) <= kTolerance) return {std::move(steps), false};
+    const double deviation = motion.deviation(steps, false, kTolerance);
+    if (deviation <= kTolerance) return {std::move(steps), false, deviation};
   }
   std::vector<Step> best;
   double least = std::numeric_limits<double>::infinity();
@@ -227,7 +229,7 @@ Steps fewest_steps(const Sampled& motion) {
     best = std::move(steps);
     if (deviation <= kTolerance && smooth) break;
   }
-  return {std::move(best), true};
+  return {std::move(best), true, least};
 }
 
 StepPose rounded(const Step& s, const Step& next, bool arcs) {
@@ -307,13 +309,14 @@ int32_t PoseTable::add_viewpoint(const Track& track, const Matrix& inner, double
 }
 
 int32_t PoseTable::append(const Track& track, const Matrix& inner, double reach, double size) {
-  const auto [steps, arcs] = fewest_steps({track, inner, interval_, reach, size});
+  const auto [steps, arcs, deviation] = fewest_steps({track, inner, interval_, reach, size});
   const auto number = static_cast<int32_t>(count());
   first_.push_back(static_cast<int32_t>(rows_.size()));
   for (size_t i = 0; i < steps.size(); ++i)
     rows_.push_back(rounded(steps[i], steps[std::min(i + 1, steps.size() - 1)], arcs));
   last_.push_back(static_cast<int32_t>(rows_.size()) - 1);
   arcs_.push_back(arcs ? 1 : 0);
+  deviation_.push_back(deviation);
   any_arcs_ = any_arcs_ || arcs;
   any_straight_ = any_straight_ || !arcs;
   return number;

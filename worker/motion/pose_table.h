@@ -66,10 +66,13 @@ class PoseTable {
   bool has_arcs(size_t number) const { return arcs_[number] != 0; }
   const StepPose* steps(size_t number) const { return &rows_[static_cast<size_t>(first_[number])]; }
   int step_count(size_t number) const { return last_[number] - first_[number] + 1; }
+  // How far from the track the steps are at worst, as far as has been looked; relative, see add().
+  double deviation(size_t number) const { return deviation_[number]; }
 
   uint64_t bytes() const {
     return rows_.capacity() * sizeof(StepPose) +
-           (first_.capacity() + last_.capacity() + arcs_.capacity()) * sizeof(int32_t);
+           (first_.capacity() + last_.capacity() + arcs_.capacity()) * sizeof(int32_t) +
+           deviation_.capacity() * sizeof(double);
   }
 
  private:
@@ -79,6 +82,7 @@ class PoseTable {
   std::vector<StepPose> rows_;
   std::vector<int32_t> first_, last_;  // rows of each motion
   std::vector<int32_t> arcs_;          // 1 of motions with arcs
+  std::vector<double> deviation_;
   bool any_arcs_ = false, any_straight_ = false;
 };
 

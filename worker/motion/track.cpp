@@ -102,6 +102,21 @@ std::optional<std::string> Track::problem_with(const scene::Motion& motion) {
   return std::nullopt;
 }
 
+bool Track::loses_turns(const scene::Motion& motion) {
+  const auto rotation = [](const Keyframe& key) { return decompose(key.to_world)->rotation; };
+  for (size_t i = 0; i + 1 < motion.keys.size(); ++i) {
+    const Keyframe &a = motion.keys[i], &b = motion.keys[i + 1];
+    const auto degrees = [](const Keyframe& key, size_t k) {
+      return k < key.turns.size() ? key.turns[k].degrees : 0;
+    };
+    bool large = false;
+    for (size_t k = 0; k < std::max(a.turns.size(), b.turns.size()); ++k)
+      large = large || std::fabs(degrees(a, k) - degrees(b, k)) > 180;
+    if (large && !told_arc(a, b, rotation(a), rotation(b))) return true;
+  }
+  return false;
+}
+
 Track::Track(const scene::Motion& motion) {
   METROFARM_CHECK(!motion.keys.empty());
   for (const Keyframe& key : motion.keys) {
@@ -193,6 +208,16 @@ bool Track::moves_during(const Interval& interval) const {
   return std::any_of(spans.begin(), spans.end(), [&](const Interval& span) {
     return span.begin < interval.end && span.end > interval.begin;
   });
+}
+
+std::vector<Point> Track::control_points() const {
+  std::vector<Point> points;
+  for (const Segment& s : segments_) {
+    if (s.straight) continue;
+    points.push_back(s.first_control);
+    points.push_back(s.second_control);
+  }
+  return points;
 }
 
 double Track::turning_during(const Interval& interval) const {

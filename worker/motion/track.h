@@ -35,6 +35,10 @@ class Track {
   // What is wrong with a motion, if anything is.
   static std::optional<std::string> problem_with(const scene::Motion& motion);
 
+  // Whether from some key to the next an angle is told to change by more than half a turn, but the
+  // shorter arc is taken all the same.
+  static bool loses_turns(const scene::Motion& motion);
+
   // Requires: problem_with() finds nothing and there are keys.
   explicit Track(const scene::Motion& motion);
 
@@ -47,6 +51,8 @@ class Track {
   // By how much it turns in the interval, all of it added up, either way; radians.
   double turning_during(const Interval& interval) const;
   const std::vector<double>& key_times() const { return times_; }
+  // Of the ways that are curved; not finite where keys are too close in time for their distance.
+  std::vector<Point> control_points() const;
 
  private:
   struct Key {

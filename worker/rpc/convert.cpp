@@ -1,5 +1,8 @@
 #include "rpc/convert.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "rpc/structure.h"
 #include "scene/kinds.h"
 
@@ -52,6 +55,25 @@ void list_lights(const metrofarm::scene::SceneDescription& d, SceneReport& repor
       add(emitter, emitter.where);
 }
 
+// Where there are not steps enough to follow a motion.
+void add_motion_warnings(const transport::Scene& scene, std::vector<Error>& warnings) {
+  constexpr double kSeen = 0.01;
+  const geometry::Placements& placements = scene.placements();
+  for (size_t i = 0; i < placements.count(); ++i) {
+    if (!placements.moves(i) || placements.deviation(i) <= kSeen) continue;
+    const geometry::InstanceRecord& record = scene.primitives().instances[i];
+    const metrofarm::scene::SceneDescription& d = scene.description();
+    const auto percent = static_cast<int>(std::min(std::ceil(100 * placements.deviation(i)), 1e6));
+    warnings.push_back({"while the shutter is open this moves more than " +
+                            std::to_string(placements.step_count(i)) +
+                            " steps can follow: it is up to " + std::to_string(percent) +
+                            " % of its size from where it should be; open the shutter for less",
+                        record.shape != metrofarm::scene::kNone
+                            ? d.shapes[record.shape].where
+                            : d.instances[record.instance].where});
+  }
+}
+
 void list_warnings(const std::vector<Error>& warnings, SceneReport& report) {
   const size_t listed = std::min(warnings.size(), kWarningsListed);
   for (size_t i = 0; i < listed; ++i) report.add_warnings(warnings[i].to_string());
@@ -101,7 +123,9 @@ SceneReport to_report(const transport::Scene& scene, const LoadTimes& times) {
   report.set_shutter_close(d.sensor.shutter_close);
   report.set_load_seconds(times.load_seconds);
   report.set_build_seconds(times.build_seconds);
-  list_warnings(d.warnings, report);
+  std::vector<Error> warnings = d.warnings;
+  add_motion_warnings(scene, warnings);
+  list_warnings(warnings, report);
   return report;
 }
 

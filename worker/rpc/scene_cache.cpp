@@ -1,6 +1,7 @@
 #include "rpc/scene_cache.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <map>
 #include <new>
@@ -28,17 +29,36 @@ std::string key_of(const SceneRef& ref) {
   return key;
 }
 
-// The error with files named as in the bundle.
-Error relative(Error error, const fs::path& bundle) {
-  std::error_code ignored;
-  const std::string canonical = fs::weakly_canonical(bundle, ignored).string() + "/";
-  for (const std::string& prefix : {bundle.string() + "/", canonical}) {
-    if (error.where.file.starts_with(prefix)) error.where.file.erase(0, prefix.size());
-    for (size_t at; (at = error.message.find(prefix)) != std::string::npos;)
-      error.message.erase(at, prefix.size());
+// Names files as in the bundle.
+class BundleNames {
+ public:
+  explicit BundleNames(const fs::path& bundle) {
+    std::error_code ignored;
+    prefixes_ = {bundle.string() + "/", fs::weakly_canonical(bundle, ignored).string() + "/"};
   }
-  return error;
-}
+
+  void shorten(SourceLocation& where) const {
+    for (const std::string& prefix : prefixes_)
+      if (where.file.starts_with(prefix)) where.file.erase(0, prefix.size());
+  }
+  void shorten(Error& error) const {
+    shorten(error.where);
+    for (const std::string& prefix : prefixes_) {
+      for (size_t at; (at = error.message.find(prefix)) != std::string::npos;)
+        error.message.erase(at, prefix.size());
+    }
+  }
+  // In all that reports tell of it.
+  void shorten(metrofarm::scene::SceneDescription& scene) const {
+    for (Error& warning : scene.warnings) shorten(warning);
+    for (auto& shape : scene.shapes) shorten(shape.where);
+    for (auto& instance : scene.instances) shorten(instance.where);
+    for (auto& emitter : scene.emitters) shorten(emitter.where);
+  }
+
+ private:
+  std::array<std::string, 2> prefixes_;
+};
 
 }  // namespace
 
@@ -127,6 +147,9 @@ std::optional<LoadFault> SceneCache::during(const LoadedScene& scene,
     at_that_time = scene.during(interval);
   } catch (const std::bad_alloc&) {
     fault = too_large();
+    fault->message =
+        "at the job's shutter, beside the scene at its own (" + std::to_string(scene.bytes()) +
+        " bytes), " + fault->message;
   }
   shrink(options_.scene_memory, kScenes, 1);
   return fault;
@@ -168,11 +191,13 @@ std::optional<LoadFault> SceneCache::load(const SceneRef& ref, const Fetch& fetc
   options.max_bytes = options_.scene_memory;
   const auto load_start = std::chrono::steady_clock::now();
   auto description = scene_file::load_scene(pin.directory / ref.entry(), options);
+  const BundleNames names(pin.directory);
   if (!description) {
-    return LoadFault{LoadFault::Kind::kScene,
-                     relative(description.error(), pin.directory).to_string()};
+    Error error = description.error();
+    names.shorten(error);
+    return LoadFault{LoadFault::Kind::kScene, error.to_string()};
   }
-  for (Error& warning : description.value().warnings) warning = relative(warning, pin.directory);
+  names.shorten(description.value());
 
   std::shared_ptr<LoadedScene> loaded;
   const double load_seconds = seconds_since(load_start);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "motion/track.h"
 #include "scene_file/affine.h"
 
 namespace metrofarm::scene_file {
@@ -103,15 +104,14 @@ std::optional<Error> check_extent(const Box& box, const char* what, const Source
 
 std::optional<Error> check_motion(const Box& box, const scene::Motion& motion, const char* what,
                                   const SourceLocation& where) {
-  for (const scene::Keyframe& key : motion.keys) {
-    Box way = box.under(key.to_world);
-    if (motion.path == scene::MotionPath::kBezier) {
-      way.add(key.in);
-      way.add(key.out);
-    }
-    if (auto error = check_extent(way, what, where)) return error;
+  if (motion.empty()) return std::nullopt;
+  Box way;
+  for (const scene::Keyframe& key : motion.keys) way.add(box.under(key.to_world));
+  for (const Point& p : motion::Track(motion).control_points()) {
+    // Numbers that are none are not seen by min() and max().
+    for (double v : p) way.add(std::isfinite(v) ? p : Point{HUGE_VAL, HUGE_VAL, HUGE_VAL});
   }
-  return std::nullopt;
+  return check_extent(way, what, where);
 }
 
 // What has a place but no extent.

@@ -4,7 +4,6 @@
 #include <optional>
 #include <variant>
 
-#include "motion/track.h"
 #include "scene_file/importer.h"
 #include "scene_file/limits.h"
 #include "scene_file/mitsuba/importer.h"
@@ -38,19 +37,6 @@ bool lights_the_scene(const scene::SceneDescription& scene) {
   return false;
 }
 
-// Geometry that moves is read without its pose, so a mirror in the pose has not done there what it
-// does to geometry that stands still: a sphere is seen from inside; pbrt turns over disks,
-// cylinders and triangles without normals too. Mitsuba's meshes: MeshOptions.
-void turn_what_poses_mirror(std::string_view extension, scene::SceneDescription& scene) {
-  for (scene::Shape& shape : scene.shapes) {
-    if (!motion::mirrors(shape.motion)) continue;
-    const auto* mesh = std::get_if<scene::TriangleMesh>(&shape.geometry);
-    const bool sphere = std::holds_alternative<scene::Sphere>(shape.geometry);
-    const bool turns = extension == ".pbrt" ? !mesh || mesh->normals.empty() : sphere;
-    if (turns) shape.flip_normals = !shape.flip_normals;
-  }
-}
-
 }  // namespace
 
 std::span<const Importer> importers() {
@@ -73,7 +59,6 @@ Result<scene::SceneDescription> load_scene(const std::filesystem::path& file,
           "constant environment, or the image is black",
           {file.string()}};
     }
-    turn_what_poses_mirror(extension, scene.value());
     if (std::optional<Error> error = check_limits(scene.value())) return *error;
     return scene;
   }

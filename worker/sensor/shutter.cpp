@@ -57,7 +57,7 @@ std::string problem_with_curve(const ShutterSettings& s) {
 }  // namespace
 
 std::string problem_with(const ShutterSettings& s) {
-  if (!std::isfinite(s.open) || !std::isfinite(s.close))
+  if (!std::isfinite(s.open) || !std::isfinite(s.close) || !std::isfinite(s.close - s.open))
     return "shutter_open and shutter_close must be finite";
   if (!(s.close >= s.open)) return "shutter_close must not be before shutter_open";
   if (!std::isfinite(s.rolling)) return "rolling_shutter must be finite";

@@ -58,11 +58,11 @@ class BidirectionalTracer : public Estimator {
   struct Subpath {
     End end;
     Mask active;
-    Vec3 origin, direction;
+    Vec3 origin{}, direction{};
     Spectrum throughput = splat(1.F);
-    PartialMis mis;
-    emitter::Receiver from;   // the vertex that the ray comes from
-    Float eta2 = Float(1.F);  // product of squared index ratios, undone in the eye's roulette
+    PartialMis mis{};
+    emitter::Receiver from{};  // the vertex that the ray comes from
+    Float eta2 = Float(1.F);   // product of squared index ratios, undone in the eye's roulette
   };
   // A vertex of the light subpath that the eye subpath can be joined to.
   struct LightVertex {

@@ -17,7 +17,7 @@ struct PathTracer::State {
   Spectrum radiance = splat(0.F);
   Float pdf_solid_angle = Float(0.F);  // of the last scattered direction
   Mask delta = all_lanes();            // the last event left light sampling no chance
-  emitter::Receiver receiver;          // for which light sampling looked
+  emitter::Receiver receiver{};        // for which light sampling looked
   Float eta2 = Float(1.F);             // product of squared index ratios, undone in the roulette
 };
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "motion/track.h"
 #include "scene_file/mesh.h"
 
 namespace metrofarm::scene_file::mitsuba {
@@ -82,8 +83,8 @@ void load_sphere(Properties& properties, Shape& shape, Context& context) {
     const Point image = normalized(column(to_world, axis));
     for (int row = 0; row < 3; ++row) sphere.rotation[3 * row + axis] = image[row];
   }
-  // A mirrored sphere is seen from inside.
-  if (determinant(to_world) < 0) shape.flip_normals = !shape.flip_normals;
+  // A mirrored sphere is seen from inside, also where its motion mirrors it.
+  if (determinant(to_world) < 0 || motion::mirrors(shape.motion)) shape.flip_normals = !shape.flip_normals;
   properties.ignore({"subdiv"});
   shape.geometry = sphere;
 }

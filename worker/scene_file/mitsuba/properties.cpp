@@ -189,9 +189,10 @@ Matrix Properties::transform(std::string_view name) {
   const Element* child = expect(name, {"transform", "animation"});
   if (!child) return kIdentity;
   if (child->tag == "transform") return read_transform(*child, problems_);
+  if (slot(name)->moves) return kIdentity;
   const scene::Motion motion = read_animation(*child, problems_);
+  if (motion.empty()) return kIdentity;
   if (motion.keys.size() == 1) return motion.keys[0].to_world;
-  if (motion.empty() || slot(name)->may_move) return kIdentity;
   problems_.unsupported("parameter \"" + std::string(name) + "\" of " + element_.describe() +
                             " cannot be an <animation>: this does not move by itself",
                         child->where);
@@ -201,12 +202,19 @@ Matrix Properties::transform(std::string_view name) {
 scene::Motion Properties::motion(std::string_view name) {
   Slot* found = slot(name);
   if (!found || found->target->tag != "animation") return {};
-  found->may_move = true;
   scene::Motion motion = read_animation(*found->target, problems_);
-  if (motion.keys.size() < 2) return {};
+  found->moves = motion.keys.size() > 1;
+  if (!found->moves) return {};
   if (const std::optional<std::string> problem = motion::Track::problem_with(motion)) {
     problems_.fail(*problem, found->target->where);
     return {};
+  }
+  if (motion::Track::loses_turns(motion)) {
+    problems_.warn(
+        "an angle of this <animation> changes by more than half a turn from one <transform> to the "
+        "next, but the shorter way is taken; to go all of it, both must have the same <rotate> "
+        "steps, with one angle alone that differs",
+        found->target->where);
   }
   return motion;
 }

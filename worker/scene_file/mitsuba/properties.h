@@ -62,7 +62,7 @@ class Properties {
     const Element* target;  // what it refers to; the same unless child is a <ref>
     std::string name;
     bool asked = false;
-    bool may_move = false;  // its motion has been asked for
+    bool moves = false;  // its motion has been asked for, and is one
   };
 
   const Element* resolve(const Element& ref, const Document& document);

@@ -83,7 +83,8 @@ void read_clip_planes(Properties& properties, scene::Sensor& sensor) {
 void read_shutter(Properties& properties, scene::Sensor& sensor) {
   sensor.shutter_open = properties.number("shutter_open", 0);
   sensor.shutter_close = properties.number("shutter_close", sensor.shutter_open);
-  if (sensor.shutter_close >= sensor.shutter_open) return;
+  const double open_time = sensor.shutter_close - sensor.shutter_open;
+  if (open_time >= 0 && std::isfinite(open_time)) return;
   properties.problems().fail("shutter_close must not be before shutter_open", sensor.where);
 }
 

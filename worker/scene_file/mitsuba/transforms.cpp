@@ -123,7 +123,7 @@ std::optional<scene::Linear> carries_axes(const Matrix& step) {
   const double scale = std::cbrt(scene::determinant(m));
   if (!std::isfinite(scale) || scale == 0) return std::nullopt;
   for (double& v : m) v /= scale;
-  constexpr double kTolerance = 1e-9;
+  constexpr double kTolerance = 1e-6;  // as files print numbers
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       double product = 0;
@@ -134,8 +134,8 @@ std::optional<scene::Linear> carries_axes(const Matrix& step) {
   return m;
 }
 
-// What turns is told as it stands in the file: a matrix does not know of whole turns. None if a
-// step after a turn is neither a translation nor, but for an equal scale, a rotation.
+// What turns is told as it stands in the file: a matrix does not know of whole turns. Those before a
+// step that is neither a translation nor, but for an equal scale, a rotation, are left out.
 std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
   std::vector<scene::Turn> turns;
   for (const Element& step : key.children) {
@@ -144,7 +144,13 @@ std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
       turns.push_back({read_components(step, 0, problems), *angle});
     } else if (!turns.empty() && step.tag != "translate") {
       const auto carried = carries_axes(read_step(step, problems));
-      if (!carried) return {};
+      if (!carried) {
+        const auto whole = [](const scene::Turn& turn) { return std::abs(turn.degrees) >= 360; };
+        if (std::any_of(turns.begin(), turns.end(), whole))
+          problems.warn("whole turns before a step that stretches are not followed", step.where);
+        turns.clear();
+        continue;
+      }
       const scene::Linear& m = *carried;
       for (scene::Turn& turn : turns) {
         const Point a = turn.axis;

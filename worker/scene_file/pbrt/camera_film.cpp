@@ -208,7 +208,7 @@ Matrix place_camera(const Matrix& world_from_camera, const SourceLocation& where
 void load_shutter(Parameters& parameters, Context& context) {
   const double open = parameters.number("shutteropen", 0, context.problems);
   const double close = parameters.number("shutterclose", 1, context.problems);
-  if (!(close > open)) {
+  if (!(close > open) || !std::isfinite(close - open)) {
     return context.problems.fail("\"shutterclose\" must be later than \"shutteropen\"",
                                  parameters.where());
   }
@@ -225,8 +225,15 @@ double place_sensor(const RenderingOptions& options, Context& context) {
   sensor.motion = motion_between(options.world_from_camera, where, context);
   if (sensor.motion.empty())
     sensor.to_world = place_camera(options.world_from_camera[0], where, scale, context);
-  for (scene::Keyframe& key : sensor.motion.keys)
+  double first = 0;
+  for (scene::Keyframe& key : sensor.motion.keys) {
     key.to_world = place_camera(key.to_world, where, scale, context);
+    if (first == 0) first = scale;
+    if (std::abs(scale - first) > 1e-3 * first) {
+      context.problems.fail("the camera's transform must have the same scale at both times", where);
+      break;
+    }
+  }
   return scale;
 }
 

@@ -212,7 +212,7 @@ AreaLight read_area_light(Entity& entity, Context& context) {
 scene::Index add_area_emitter(const AreaLight& light, const scene::Shape& shape, Context& context) {
   Rgb radiance = light.radiance;
   if (light.power > 0) {
-    std::vector<double> areas = areas_of(shape);
+    std::vector<double> areas = areas_of(shape, context.scene.sensor.shutter_open);
     std::sort(areas.begin(), areas.end());
     constexpr double kTolerance = 1e-3;
     if (areas.back() - areas.front() > kTolerance * areas.back()) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "motion/track.h"
 #include "scene_file/pbrt/meshes.h"
 
 namespace metrofarm::scene_file::pbrt {
@@ -148,11 +149,11 @@ constexpr Row kShapes[] = {
     {"cylinder", load_cylinder},
 };
 
-std::vector<double> triangle_areas(const scene::TriangleMesh& mesh) {
+std::vector<double> triangle_areas(const scene::TriangleMesh& mesh, const Matrix& pose) {
   std::vector<double> areas;
   const auto vertex = [&](uint32_t i) {
     const float* p = &mesh.positions[3 * size_t{i}];
-    return Point{p[0], p[1], p[2]};
+    return transform_point(pose, {p[0], p[1], p[2]});
   };
   for (size_t t = 0; t < mesh.indices.size(); t += 3) {
     const Point origin = vertex(mesh.indices[t]);
@@ -207,6 +208,9 @@ std::optional<PlacedShape> load_shape(Entity& entity, const Placement& placement
     placed.shape.where = entity.where();
     placed.shape.flip_normals = placement.reverse_orientation;
     row.load({entity.parameters, placement, context, placed});
+    const bool is_mesh = std::holds_alternative<scene::TriangleMesh>(placed.shape.geometry);
+    if (placement.mirrored_later && !is_mesh)
+      placed.shape.flip_normals = !placed.shape.flip_normals;
     entity.parameters.ignore({"alpha"});
     entity.parameters.finish("shape \"" + entity.type + "\"", context.problems);
     if (context.problems.failed()) return std::nullopt;
@@ -216,18 +220,21 @@ std::optional<PlacedShape> load_shape(Entity& entity, const Placement& placement
   return std::nullopt;
 }
 
-std::vector<double> areas_of(const scene::Shape& shape) {
+std::vector<double> areas_of(const scene::Shape& shape, double time) {
   constexpr double kPi = std::numbers::pi;
+  const Matrix pose = shape.motion.empty() ? kIdentity : motion::Track(shape.motion).at(time);
   if (const auto* mesh = std::get_if<scene::TriangleMesh>(&shape.geometry)) {
-    return triangle_areas(*mesh);
+    return triangle_areas(*mesh, pose);
   }
   if (const auto* sphere = std::get_if<scene::Sphere>(&shape.geometry)) {
-    return {4 * kPi * sphere->radius * sphere->radius};
+    const double scale = std::cbrt(std::abs(determinant(pose)));
+    return {4 * kPi * sphere->radius * sphere->radius * scale * scale};
   }
   if (const auto* disk = std::get_if<scene::Disk>(&shape.geometry)) {
-    return {kPi * length(cross(column(disk->to_world, 0), column(disk->to_world, 1)))};
+    const Matrix m = multiply(pose, disk->to_world);
+    return {kPi * length(cross(column(m, 0), column(m, 1)))};
   }
-  const Matrix& m = std::get<scene::Cylinder>(shape.geometry).to_world;
+  const Matrix m = multiply(pose, std::get<scene::Cylinder>(shape.geometry).to_world);
   return {2 * kPi * length(column(m, 0)) * length(column(m, 2))};
 }
 

@@ -22,7 +22,12 @@ void World::add_shape(Entity entity, const GraphicsState& state) {
   if (const Parameter* alpha = entity.parameters.find("alpha")) pending.alpha = *alpha;
   scene::Motion motion = motion_between(state.transform, where, context_);
   Placement placement{state.transform[0], state.reverse_orientation};
-  if (!motion.empty()) placement.to_world = in_object() ? pose_in_object(motion, where) : kIdentity;
+  if (!motion.empty() && in_object()) {
+    placement.to_world = pose_in_object(motion, where);
+  } else if (!motion.empty()) {
+    placement.to_world = kIdentity;
+    placement.mirrored_later = motion::mirrors(motion);
+  }
   std::optional<PlacedShape> placed = load_shape(entity, placement, context_);
   if (!placed) return;
   pending.uv = placed->uv;

@@ -144,6 +144,44 @@ TEST(MovingLights, EmittedPowerFollowsTheArea) {
   }
 }
 
+// A lamp whose first key is a point is a lamp from then on: of area 4 t^2.
+TEST(MovingLights, MayGrowFromAPoint) {
+  test::SceneBuilder b;
+  scene::TriangleMesh mesh = test::quad({0, 0, 0}, {0, 0, 0}, {0, 0, 0});
+  mesh.keys = {{mesh.positions, {}}, {test::quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}).positions, {}}};
+  b.shape(mesh, b.diffuse(0), b.area_light(1));
+  b.description().shapes[0].key_times = {0, 1};
+  const scene::SceneDescription scene = b.take();
+  const Lights lights(scene, {0, 1});
+  ASSERT_FALSE(lights.table.empty()) << "rays that meet it ask for densities";
+  for (float time : {0.25F, 0.5F, 1.F}) {
+    test::UniformLanes random(3);
+    test::Moments power;
+    for (int i = 0; i < kSamples; i += kLanes) {
+      const Emission e = lights.table.emit(random.next(), random.pair(), random.pair(), Float(time),
+                                           all_lanes());
+      for (int lane = 0; lane < kLanes; ++lane)
+        power.add(test::lane_set(e.valid, lane) ? lane_value(e.power.y, lane) : 0.0);
+    }
+    const double flux = kPiDouble * 4 * double(time) * double(time);
+    EXPECT_TRUE(test::has_mean(power, flux, 1e-6, 1e-4 * flux)) << time;
+  }
+  // Light sampling and rays agree on densities.
+  const MovingLight light(scene);
+  const Receiver receiver = {splat(0.1F, 0.2F, 2), splat(0.F), Float(0.5F)};
+  test::UniformLanes random(5);
+  int compared = 0;
+  for (int i = 0; i < 20; ++i) {
+    const LightSample s = light.table().sample(receiver, random.next(), random.pair(), all_lanes());
+    ASSERT_TRUE(test::lane_set(s.valid, 0));
+    const Met met = light.look(receiver, test::splat(test::lane_of(s.direction, 0)));
+    if (!met.hit) continue;  // at its very edge
+    ++compared;
+    EXPECT_NEAR(met.pdf / lane_value(s.pdf_solid_angle, 0), 1, 1e-2);
+  }
+  EXPECT_GT(compared, 15);
+}
+
 std::vector<scene::SceneDescription> area_lights() {
   std::vector<scene::SceneDescription> all;
   for (const Case& c : rigid_cases())

@@ -257,6 +257,26 @@ TEST(MovingGeometry, BoundsHoldAllPoses) {
   }
 }
 
+// What has no extent is nowhere to be met, and harms nothing around it.
+TEST(MovingGeometry, PointsAndTinyThingsMove) {
+  test::SceneBuilder b;
+  b.shape(test::quad({1, 1, 1}, {0, 0, 0}, {0, 0, 0}), b.diffuse(0.5F));
+  b.shape(test::quad({0, 0, 0}, {0, 0, 0}, {0, 0, 0}), 0);
+  b.shape(test::quad({0, 0, 0}, {1e-30, 0, 0}, {0, 1e-30, 0}), 0);
+  b.shape(scene::Sphere{{0, 0, -6}, 1}, 0);
+  for (scene::Shape& shape : b.description().shapes) shape.motion = motions()[1];
+  const World world(b.take(), {0, 1});
+  for (size_t i = 0; i < world.placements.count(); ++i)
+    EXPECT_LE(world.placements.step_count(i), 129);
+  const Bounds box = bounds_of(world.primitives, world.placements);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_TRUE(std::isfinite(box.lower[k]) && std::isfinite(box.upper[k]));
+    EXPECT_LT(box.upper[k] - box.lower[k], 20);
+  }
+  const Surface met = world.look({0, 5, -6}, {0, -1, 0});
+  expect_near(lane_of(met.position, 0), {0, 1, -6}, kNear);
+}
+
 // ---- meshes that deform ----
 
 scene::TriangleMesh deforming_ball(std::vector<double>& times) {

@@ -88,6 +88,46 @@ TEST(PoseTable, FewStepsWhereFewWillDo) {
   EXPECT_LE(table.step_count(1), 129);
 }
 
+// What a camera or a light sees changes with where it is, however large the scene around it.
+TEST(PoseTable, ViewpointsFollowTheirWayInLargeScenes) {
+  constexpr double kWay = 0.01, kRadius = 1e4;
+  scene::Motion wavy{{}, scene::MotionPath::kCatmullRom};
+  for (int i = 0; i <= 8; ++i)
+    wavy.keys.push_back({i * 0.125, translated(kWay * std::sin(2.0 * i), kWay * 0.125 * i, 0)});
+  const Track track(wavy);
+  PoseTable table({0, 1});
+  table.add_viewpoint(track, kIdentity, kRadius);
+  table.add(track, kIdentity, kRadius, kRadius);
+  double largest = 0, of_a_thing = 0;
+  for (int i = 0; i <= 500; ++i) {
+    const double at = i / 500.0;
+    const auto error = [&](int number) {
+      const LanePose pose = table.at(Int(number), Float(static_cast<float>(at)), all_lanes());
+      return largest_difference(lane_matrix(pose, 0), track.at(at));
+    };
+    largest = std::max(largest, error(0));
+    of_a_thing = std::max(of_a_thing, error(1));
+  }
+  EXPECT_LT(largest, 2e-3 * kWay);
+  EXPECT_GT(of_a_thing, 0.1 * kWay) << "of something so large the way is no matter";
+}
+
+// A turn of a single point changes nothing but where the point is.
+TEST(PoseTable, PointsMove) {
+  const Track track({{turn_key(0, {0, 1, 0}, 0), turn_key(1, {0, 1, 0}, 90, {1, 0, 0})}});
+  PoseTable table({0, 1});
+  for (const double reach : {0.0, 1e-30, 1.0}) {
+    const int32_t number = table.add(track, kIdentity, reach, 0);
+    for (const float time : {0.F, 0.4F, 1.F}) {
+      const LanePose pose = table.at(Int(number), Float(time), all_lanes());
+      for (int i = 0; i < 12; ++i) {
+        EXPECT_TRUE(std::isfinite(lane_matrix(pose, 0)[i])) << reach;
+        if (time != 0.4F) EXPECT_NEAR(lane_matrix(pose, 0)[i], track.at(double(time))[i], 1e-6);
+      }
+    }
+  }
+}
+
 TEST(PoseTable, InverseUndoesAPose) {
   PoseTable table({0, 1});
   const Matrix from = multiply(turned({1, 2, 3}, 20), scaled(-1, 2, 1));

@@ -232,6 +232,55 @@ TEST(Limits, NothingReachesFurtherThanEmbreeSees) {
   EXPECT_EQ(limit_error(scene).substr(0, 46), "scene.xml:8: the instance reaches beyond 1.8e1");
 }
 
+scene::Motion bent_way(scene::MotionPath path, const Point& out) {
+  scene::Motion motion;
+  motion.path = path;
+  motion.keys.resize(2);
+  motion.keys[1].time = 1;
+  motion.keys[0].out = out;
+  return motion;
+}
+
+TEST(Limits, ControlPointsCount) {
+  using scene::MotionPath;
+  const Point far = {1e200, 0, 0};
+  const std::string beyond = "reaches beyond 1.8e18";
+  scene::SceneDescription scene;
+  scene.shapes.push_back(mesh_shape(1, 1));
+  scene.shapes[0].motion = bent_way(MotionPath::kBezier, {1, 0, 0});
+  EXPECT_EQ(limit_error(scene), "");
+  scene.shapes[0].motion = bent_way(MotionPath::kBezier, far);
+  EXPECT_NE(limit_error(scene).find("scene.xml:7: the shape " + beyond), std::string::npos);
+  scene.shapes[0].motion = bent_way(MotionPath::kLinear, far);
+  EXPECT_EQ(limit_error(scene), "") << "of straight ways they mean nothing";
+  scene.shapes[0].motion = {};
+  scene.sensor.where = {"scene.xml", 3};
+  scene.sensor.motion = bent_way(MotionPath::kBezier, far);
+  EXPECT_NE(limit_error(scene).find("scene.xml:3: the way of the sensor " + beyond),
+            std::string::npos);
+  scene.sensor.motion = {};
+  scene.emitters.push_back(
+      {scene::PointEmitter{}, {"scene.xml", 4}, bent_way(MotionPath::kBezier, far)});
+  EXPECT_NE(limit_error(scene).find("scene.xml:4: the light " + beyond), std::string::npos);
+}
+
+// Two keys so close in time make a slope without bounds.
+TEST(Limits, SmoothWaysDoNotSwingBeyondThem) {
+  for (double near : {1e-30, 1e-310}) {
+    scene::SceneDescription scene;
+    scene.shapes.push_back(mesh_shape(1, 1));
+    scene::Motion motion;
+    motion.path = scene::MotionPath::kCatmullRom;
+    motion.keys.resize(3);
+    motion.keys[1].time = near;
+    motion.keys[1].to_world[3] = 1;
+    motion.keys[2].time = 1;
+    scene.shapes[0].motion = motion;
+    EXPECT_NE(limit_error(scene).find("scene.xml:7: the shape reaches beyond"), std::string::npos)
+        << near;
+  }
+}
+
 TEST(Limits, HoldForEveryImporter) {
   EXPECT_NE(error_of("<shape type=\"sphere\"><float name=\"radius\" value=\"2e18\"/></shape>")
                 .find("scene.xml:2: the shape reaches beyond"),

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstring>
 
+#include "scene_file/affine.h"
 #include "support.h"
 
 namespace metrofarm::scene_file::test {
@@ -204,6 +205,57 @@ std::string flat_ply(int vertices, const std::string& height) {
 std::string deformable(const std::string& files, const std::string& times) {
   return "<shape type=\"deformable\">\n<string name=\"filename\" value=\"" + files +
          "\"/>\n<string name=\"times\" value=\"" + times + "\"/></shape>";
+}
+
+Point face_normal(const scene::TriangleMesh& mesh) {
+  const auto corner = [&](size_t i) {
+    const float* p = &mesh.positions.at(3 * size_t{mesh.indices.at(i)});
+    return Point{p[0], p[1], p[2]};
+  };
+  return normalized(cross(subtract(corner(1), corner(0)), subtract(corner(2), corner(0))));
+}
+
+// Normals are carried by the inverse transpose of the pose, which does not know of windings.
+TEST(Ply, IsTurnedOverByAMirrorThatComesLaterAsByOneAtOnce) {
+  const Directory directory;
+  directory.write("m.ply", flat_ply(4, "3"));
+  const std::string ply = "<shape type=\"ply\"><string name=\"filename\" value=\"m.ply\"/>";
+  const std::string keys =
+      "<shape type=\"deformable\"><string name=\"filename\" value=\"m.ply, m.ply\"/>"
+      "<string name=\"times\" value=\"0, 1\"/>";
+  for (const std::string mirror : {"1", "-1"}) {
+    const std::string pose =
+        "<scale x=\"" + mirror + "\" y=\"2\"/><rotate y=\"1\" angle=\"70\"/>";
+    const std::string still = "<transform name=\"to_world\">" + pose + "</transform></shape>";
+    const std::string moving = "<animation name=\"to_world\"><transform time=\"0\">" + pose +
+                               "</transform><transform time=\"1\">" + pose +
+                               "<translate x=\"1\"/></transform></animation></shape>";
+    for (const std::string& more : {std::string(), kFaceNormals}) {
+      const auto there = load_text(directory, scene_around(ply + more + still));
+      ASSERT_TRUE(there) << there.error().to_string();
+      const scene::TriangleMesh& expected = first_mesh(there.value());
+      for (const std::string& type : {ply, keys}) {
+        const auto here = load_text(directory, scene_around(type + more + moving));
+        ASSERT_TRUE(here) << here.error().to_string();
+        const scene::TriangleMesh& mesh = first_mesh(here.value());
+        const scene::Motion& motion = here.value().shapes[0].motion;
+        ASSERT_EQ(motion.keys.size(), 2U);
+        const Matrix carry = normal_matrix(motion.keys[0].to_world);
+        const Point face = normalized(transform_point(carry, face_normal(mesh)));
+        for (size_t k = 0; k < 3; ++k)
+          EXPECT_NEAR(face[k], face_normal(expected)[k], 1e-6) << mirror << more;
+        ASSERT_EQ(mesh.normals.size(), expected.normals.size());
+        for (size_t i = 0; i < mesh.normals.size(); i += 3) {
+          // Vertex 3 is in no face: any normal will do.
+          if (i / 3 == 3) continue;
+          const Point n = normalized(transform_point(
+              carry, {mesh.normals[i], mesh.normals[i + 1], mesh.normals[i + 2]}));
+          for (size_t k = 0; k < 3; ++k)
+            EXPECT_NEAR(n[k], expected.normals[i + k], 1e-6) << mirror << more;
+        }
+      }
+    }
+  }
 }
 
 TEST(Deformable, IsMadeOfItsFilesInTheOrderOfTime) {

@@ -50,6 +50,18 @@ TEST(PbrtLights, PowerOverridesTheScale) {
   EXPECT_NEAR(disk.radiance.value[1], 10 / (kPi * 4 * kPi), 1e-6);
 }
 
+TEST(PbrtLights, PowerOfWhatMovesIsThatOfItsSizeInTheWorld) {
+  const std::string move = "ActiveTransform EndTime Translate 1 0 0 ActiveTransform All ";
+  const std::string light = "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"float power\" 10 ";
+  for (const char* shape : {"Shape \"disk\"", "Shape \"sphere\"", "Shape \"cylinder\"",
+                            "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]"}) {
+    const auto still = emitter_of<scene::AreaEmitter>(valid_pbrt("Scale 9 9 9 " + light + shape));
+    const auto moving =
+        emitter_of<scene::AreaEmitter>(valid_pbrt("Scale 9 9 9 " + move + light + shape));
+    EXPECT_NEAR(moving.radiance.value[1] / still.radiance.value[1], 1, 1e-4) << shape;
+  }
+}
+
 TEST(PbrtLights, DistantLightTravelsFromTo) {
   const auto light = emitter_of<scene::DirectionalEmitter>(
       valid_pbrt("LightSource \"distant\" \"point3 from\" [0 5 0] \"point3 to\" [0 0 0] "

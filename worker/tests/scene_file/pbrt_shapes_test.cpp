@@ -72,6 +72,38 @@ TEST(PbrtShapes, QuadricsAreWholeAndFlipUnderMirrors) {
   EXPECT_GT(determinant(cylinder), 0);
 }
 
+// What follows makes a thing move a little, and leaves both transforms active.
+constexpr std::string_view kMove = "ActiveTransform EndTime Translate 1 0 0 ActiveTransform All ";
+
+TEST(PbrtShapes, MirrorsTurnWhatMovesAsWhatStands) {
+  for (const std::string& shape :
+       {std::string(kTriangle), std::string(kTriangle) + "\"normal N\" [0 0 1 0 0 1 0 0 1]",
+        std::string("Shape \"sphere\""), std::string("Shape \"disk\""),
+        std::string("Shape \"cylinder\"")}) {
+    for (const char* turn : {"", "ReverseOrientation "}) {
+      const std::string before = std::string(turn) + "Scale -1 1 1 ";
+      const auto still = valid_pbrt(before + shape);
+      const auto moving = valid_pbrt(before + std::string(kMove) + shape);
+      ASSERT_EQ(moving.shapes.at(0).motion.keys.size(), 2U) << shape;
+      EXPECT_EQ(moving.shapes[0].flip_normals, still.shapes.at(0).flip_normals) << before << shape;
+    }
+  }
+}
+
+TEST(PbrtShapes, TwoSidedLightsThatAMirrorMovesShineOutwards) {
+  for (const std::string& before : {std::string(), std::string("Scale -1 1 1 ")}) {
+    const auto scene = valid_pbrt(before + std::string(kMove) +
+                                  "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] "
+                                  "\"bool twosided\" true Shape \"sphere\"");
+    ASSERT_EQ(scene.shapes.size(), 2U);
+    for (size_t i = 0; i < 2; ++i) {
+      const double own = std::get<scene::Sphere>(scene.shapes[i].geometry).radius;
+      const double other = std::get<scene::Sphere>(scene.shapes[1 - i].geometry).radius;
+      EXPECT_EQ(own > other, !scene.shapes[i].flip_normals) << before << "the larger outwards";
+    }
+  }
+}
+
 TEST(PbrtShapes, PartsOfQuadricsAreRefused) {
   for (const char* shape :
        {"Shape \"sphere\" \"float zmin\" 0", "Shape \"sphere\" \"float phimax\" 90",

@@ -122,6 +122,26 @@ TEST(Sphere, MirroredSpheresAreSeenFromInside) {
   EXPECT_TRUE(load_valid(with_transform("sphere", "", flip)).shapes.at(0).flip_normals);
 }
 
+TEST(Sphere, MirroredSpheresThatMoveAreSeenFromInsideToo) {
+  const std::string flip = "<boolean name=\"flip_normals\" value=\"true\"/>";
+  const auto flipped = [](const std::string& steps, const std::string& more) {
+    const auto scene = load_valid(
+        "<shape type=\"sphere\"><animation name=\"to_world\"><transform time=\"0\">" + steps +
+        "</transform><transform time=\"1\">" + steps +
+        "<translate x=\"1\"/></transform></animation>" + more + "</shape>");
+    EXPECT_EQ(scene.shapes.at(0).motion.keys.size(), 2U);
+    return scene.shapes.at(0).flip_normals;
+  };
+  for (const std::string mirror :
+       {"", "<scale x=\"-1\"/>", "<scale value=\"-2\"/>", "<scale x=\"-1\" y=\"-1\"/>"}) {
+    for (const std::string& more : {std::string(), flip}) {
+      EXPECT_EQ(flipped(mirror, more),
+                load_valid(with_transform("sphere", mirror, more)).shapes.at(0).flip_normals)
+          << mirror << more;
+    }
+  }
+}
+
 TEST(Sphere, Errors) {
   const std::string uneven =
       "scene.xml:3: a sphere's to_world must scale equally in all directions; for an ellipsoid use "

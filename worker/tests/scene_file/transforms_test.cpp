@@ -96,6 +96,81 @@ TEST(Animation, PathsMayBeCurved) {
   EXPECT_EQ(smooth.path, scene::MotionPath::kCatmullRom);
 }
 
+// Steps after a turn that keep angles carry its axis along; whole turns stay whole turns.
+TEST(Animation, WholeTurnsAreKeptUnderLaterSteps) {
+  const auto turns_of = [](const std::string& later) {
+    const scene::Motion motion = motion_of(
+        "<transform time=\"0\"/><transform time=\"1\"><rotate z=\"1\" angle=\"720\"/>" + later +
+        "</transform>");
+    return motion.keys.at(1).turns;
+  };
+  const std::pair<const char*, scene::Point> steps[] = {
+      {"<lookat origin=\"1, 2, 3\" target=\"5, 2, 3\" up=\"0, 1, 0\"/>", {1, 0, 0}},
+      {"<matrix value=\"0 0 2 1  0 2 0 0  -2 0 0 0  0 0 0 1\"/>", {1, 0, 0}},
+      {"<scale value=\"3\"/><translate x=\"7\"/>", {0, 0, 1}},
+      {"<scale z=\"-1\"/>", {0, 0, 1}},
+      {"<scale x=\"-1\"/>", {0, 0, -1}},
+  };
+  for (const auto& [later, axis] : steps) {
+    const auto turns = turns_of(later);
+    ASSERT_EQ(turns.size(), 1U) << later;
+    EXPECT_EQ(turns[0].degrees, 720) << later;
+    for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(turns[0].axis[i], axis[i], 1e-9) << later;
+  }
+  EXPECT_TRUE(turns_of("<scale x=\"2\"/>").empty()) << "stretched, a turn is no turn";
+}
+
+// Two turns about y between other steps: after a quarter of the time half of one.
+TEST(Animation, WholeTurnsAmongOtherStepsAreMade) {
+  const auto key = [](const char* time, const char* degrees, const std::string& before,
+                      const std::string& after) {
+    return "<transform time=\"" + std::string(time) + "\">" + before +
+           "<rotate y=\"1\" angle=\"" + degrees + "\"/>" + after + "</transform>";
+  };
+  const std::pair<const char*, const char*> around[] = {
+      {"", "<lookat origin=\"1, 2, 3\" target=\"5, 2, 4\" up=\"0, 1, 0\"/>"},
+      {"", "<matrix value=\"0 0 2 1  0 2 0 0  -2 0 0 0  0 0 0 1\"/>"},
+      {"", "<matrix value=\"0.70710678 -0.70710678 0  0.70710678 0.70710678 0  0 0 1\"/>"},
+      {"<rotate x=\"1\" angle=\"90\"/><scale x=\"1\" y=\"2\" z=\"3\"/>", ""},
+  };
+  for (const auto& [before, after] : around) {
+    const scene::Motion motion =
+        motion_of(key("0", "0", before, after) + key("1", "720", before, after));
+    const motion::Track track(motion);
+    EXPECT_EQ(track.moving().size(), 1U) << before << after;
+    EXPECT_NEAR(track.turning_during({0, 1}), 4 * std::numbers::pi, 1e-5) << before << after;
+    const scene::Motion half =
+        motion_of(key("0", "180", before, after) + key("1", "180", before, after));
+    const Matrix there = half.keys[0].to_world, found = track.at(0.25);
+    for (size_t i = 0; i < 12; ++i) EXPECT_NEAR(found[i], there[i], 1e-5) << before << after << i;
+  }
+}
+
+// Where turns that are told are not followed, a warning says so, once.
+TEST(Animation, LostTurnsAreTold) {
+  const auto warnings_of = [](const std::string& keys) {
+    const auto scene = load_valid("<shape type=\"disk\">\n<animation name=\"to_world\">" + keys +
+                                  "</animation></shape>");
+    std::string all;
+    for (const Error& warning : scene.warnings) all += warning.message + "\n";
+    return all;
+  };
+  const std::string still = "<transform time=\"0\"><rotate z=\"1\" angle=\"0\"/></transform>";
+  const auto turned = [](const std::string& steps) {
+    return "<transform time=\"1\"><rotate z=\"1\" angle=\"720\"/>" + steps + "</transform>";
+  };
+  EXPECT_EQ(warnings_of(still + turned("")), "");
+  EXPECT_EQ(warnings_of(still + turned("<translate x=\"1\"/>")), "");
+  const std::string shorter =
+      "an angle of this <animation> changes by more than half a turn from one <transform> to the "
+      "next, but the shorter way is taken; to go all of it, both must have the same <rotate> "
+      "steps, with one angle alone that differs\n";
+  EXPECT_EQ(warnings_of("<transform time=\"0\"/>" + turned("")), shorter);
+  EXPECT_EQ(warnings_of(still + turned("<rotate x=\"1\" angle=\"20\"/>")), shorter);
+  EXPECT_EQ(warnings_of(still + turned("<scale x=\"2\"/>")),
+            "whole turns before a step that stretches are not followed\n");
+}
+
 TEST(Animation, OfOneKeyIsATransform) {
   const auto scene = load_valid(R"(<shape type="disk"><animation name="to_world">
 <transform time="0"><translate x="1"/></transform></animation></shape>)");
@@ -132,6 +207,8 @@ TEST(Animation, Errors) {
             "scene.xml:3: two <transform> of an <animation> have the same time");
   EXPECT_EQ(animation("<transform time=\"1\"><scale z=\"0\"/></transform><transform time=\"2\"/>"),
             "scene.xml:3: the transforms of what moves must not flatten it");
+  EXPECT_EQ(animation("<transform time=\"1\"/><transform time=\"2\"><scale x=\"-1\"/></transform>"),
+            "scene.xml:3: what moves must not be mirrored from one key to the next");
   EXPECT_EQ(animation("<transform time=\"1\" in=\"1, 2, 3\"/>"),
             "scene.xml:4: in= and out= of a <transform> need <animation interpolation=\"bezier\">");
   EXPECT_EQ(error_of("<shape type=\"disk\">\n<animation name=\"to_world\" "
