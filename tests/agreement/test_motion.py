@@ -220,5 +220,5 @@ def test_twice_as_long_is_twice_the_light(seconds: float) -> None:
 
 
 def test_a_furnace_stays_even_whatever_moves(furnace: Way) -> None:
-    work = 64 if furnace in (PATH, BDPT) else 256
+    work = 64 if furnace in (PATH, BDPT) else 1024 if furnace in (MMLT, MMLT_DELAYED) else 256
     check_exact(closed_form("furnace", furnace, work), motion_truths.furnace(), 0.10)
