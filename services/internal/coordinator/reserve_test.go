@@ -8,7 +8,7 @@ func TestAJobThatIsBeingTakenOverHasItsRoom(t *testing.T) {
 	m := newRoom(10)
 	younger, older := &run{id: "b", number: 2}, &run{id: "a", number: 1}
 	m.wait(younger, 0, 8)
-	if !m.receive(older.id, 0, older.number, 8, anybody) {
+	if !m.receive(older.id, &guest{number: older.number, bytes: 8}, anybody) {
 		t.Fatal("the older job is not taken over")
 	}
 	if m.next(anybody) != nil {
@@ -28,7 +28,7 @@ func TestAJobThatAnotherCoordinatorTookLeavesTheLine(t *testing.T) {
 	m := newRoom(10)
 	running, younger := &run{id: "b", number: 2}, &run{id: "c", number: 3}
 	m.force(running, 4)
-	if m.receive("a", 0, 1, 8, anybody) {
+	if m.receive("a", &guest{number: 1, bytes: 8}, anybody) {
 		t.Fatal("a job that does not fit is taken over")
 	}
 	if m.enter(younger, 0, 4, anybody) {
@@ -52,12 +52,12 @@ func TestWhoCannotGoOnStandsAside(t *testing.T) {
 	m := newRoom(10)
 	paused, younger := &run{id: "a", number: 1}, &run{id: "c", number: 3}
 	m.wait(paused, 0, 8)
-	if m.receive("b", 0, 2, 4, anybody) || m.enter(younger, 0, 4, anybody) {
+	if m.receive("b", &guest{number: 2, bytes: 4}, anybody) || m.enter(younger, 0, 4, anybody) {
 		t.Fatal("a younger job has passed one that can go on")
 	}
 	m.keep(nil)
 	ready := func(r *run) bool { return r != paused }
-	if !m.receive("b", 0, 2, 4, ready) {
+	if !m.receive("b", &guest{number: 2, bytes: 4}, ready) {
 		t.Error("a paused job keeps one without owner waiting")
 	}
 	if !m.enter(younger, 0, 4, ready) {
