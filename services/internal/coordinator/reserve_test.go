@@ -139,7 +139,7 @@ func expectRoom(t *testing.T, c *Coordinator, used int64, next *run) {
 		t.Errorf("%d bytes are taken, want %d", got, used)
 	}
 	if got := c.room.next(anybody); got != next {
-		t.Errorf("%+v is next", got)
+		t.Errorf("somebody is next: %v, want %v", got != nil, next != nil)
 	}
 }
 
