@@ -7,7 +7,9 @@ One coordinator with its data on disk, real workers that connect to it, chains a
 
 - Overhead: CPU time of coordinator and worker for a job of 3 N mutations per pixel less that for
   one of N, over the CPU time that the bare worker's loop takes for the difference (mean of a run
-  before and one after), minus 1. The difference removes what a job costs once (start, loading, bootstrap, the last image).
+  before and one after), minus 1. The difference removes what a job costs once (start, loading,
+  bootstrap, the last image). The machine's speed drifts from run to run; so the share of that CPU
+  time which the worker's threads did not spend in rendering segments is told too, from one run.
 - Checkpoints: their CPU time is within the overhead; told apart is the time that writing them
   takes, over the time of rendering.
 - Scaling: mutations per second of rendering, of one worker with one thread, one with two and two
@@ -73,6 +75,7 @@ class Cost:
     mutations: int
     cpu_seconds: float  # coordinator and workers
     coordinator_seconds: float
+    rendering_seconds: float  # CPU time that the workers' threads tell of segments
     checkpoint_seconds: float
     wall_seconds: float  # of rendering
 
@@ -81,6 +84,7 @@ def run_job(farm: Farm, task: Task, times: int) -> Cost:
     pids = [process.pid for process in (farm.coordinator, *farm.workers.values()) if process]
     before = [cpu_seconds(pid) for pid in pids]
     checkpoints = metric(farm, "metrofarm_checkpoint_seconds_sum")
+    rendering = metric(farm, "metrofarm_render_cpu_seconds_total")
     ended = farm.wait(farm.submit(task.scene, **task.request(times)), timeout=1800)
     if ended["state"] != "done":
         sys.exit(f"the job is {ended['state']}: {ended.get('error')}")
@@ -89,6 +93,7 @@ def run_job(farm: Farm, task: Task, times: int) -> Cost:
         ended["mutations"],
         sum(spent),
         spent[0],
+        metric(farm, "metrofarm_render_cpu_seconds_total") - rendering,
         metric(farm, "metrofarm_checkpoint_seconds_sum") - checkpoints,
         ended["wall_seconds"],
     )
@@ -128,6 +133,7 @@ def measure_overhead(task: Task) -> dict[str, float]:
     spent = long.cpu_seconds - short.cpu_seconds
     return {
         "overhead": spent * bare / mutations - 1,
+        "outside": 1 - (long.rendering_seconds - short.rendering_seconds) / spent,
         "coordinator": (long.coordinator_seconds - short.coordinator_seconds) / spent,
         "checkpoints": long.checkpoint_seconds / long.wall_seconds,
     }
@@ -151,6 +157,7 @@ def measure_scaling(task: Task) -> dict[str, float]:
 
 NAMES = {
     "overhead": "CPU time beyond the bare worker's",
+    "outside": "of all CPU time, outside of rendering segments",
     "coordinator": "of all CPU time, the coordinator's",
     "checkpoints": "time of writing checkpoints, of rendering",
     "fixed_cores": "rate of 2 workers with 1 thread, over 1 with 2",

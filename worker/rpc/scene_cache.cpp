@@ -147,9 +147,8 @@ std::optional<LoadFault> SceneCache::during(const LoadedScene& scene,
     at_that_time = scene.during(interval);
   } catch (const std::bad_alloc&) {
     fault = too_large();
-    fault->message =
-        "at the job's shutter, beside the scene at its own (" + std::to_string(scene.bytes()) +
-        " bytes), " + fault->message;
+    fault->message = "at the job's shutter, beside the scene at its own (" +
+                     std::to_string(scene.bytes()) + " bytes), " + fault->message;
   }
   shrink(options_.scene_memory, kScenes, 1);
   return fault;

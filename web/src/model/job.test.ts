@@ -2,7 +2,16 @@ import { describe, expect, it } from 'vitest'
 
 import { wireJob, wirePoint } from '../testing/wires'
 import type { WireJob } from '../wire'
-import { isBefore, percentOf, replayCommand, toEvent, toJob, toPlan, toPoint } from './job'
+import {
+  isBefore,
+  mayChange,
+  percentOf,
+  replayCommand,
+  toEvent,
+  toJob,
+  toPlan,
+  toPoint,
+} from './job'
 
 describe('percentOf', () => {
   it.each([
@@ -14,6 +23,18 @@ describe('percentOf', () => {
     ['done', 0.3, 100],
   ])('of a %s job at %f is %i', (state, progress, want) => {
     expect(percentOf({ state, progress })).toBe(want)
+  })
+})
+
+describe('mayChange', () => {
+  it.each([
+    ['read', 'Ann', 'Ann', false],
+    ['submit', 'Ann', 'Ann', true],
+    ['submit', 'Ann', 'Ben', false],
+    ['admin', 'Ann', 'Ben', true],
+    ['admin', '', '', true],
+  ])('%s of %s, job of %s: %s', (role, user, owner, want) => {
+    expect(mayChange({ tokens: user !== '', role, user }, owner)).toBe(want)
   })
 })
 

@@ -1,6 +1,6 @@
 // A job as the page shows it, and how it follows from what the coordinator sends. Pure.
 
-import type { WireEvent, WireJob, WirePlan, WirePoint, WireRequest } from '../wire'
+import type { WireEvent, WireJob, WirePlan, WirePoint, WireRequest, WireSession } from '../wire'
 import { duration, metric, short } from './format'
 
 export interface Estimate {
@@ -61,6 +61,12 @@ export interface Job {
   anomalies: Share[]
   resolved: string | null
   facts: [string, string][]
+}
+
+/** Whether the server lets them change a job of that user; it decides anyway. */
+export function mayChange(session: WireSession | null, user: string): boolean {
+  if (session === null || session.role === 'admin') return true
+  return session.role === 'submit' && session.user === user
 }
 
 export interface Point {

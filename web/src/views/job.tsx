@@ -7,6 +7,7 @@ import type { Picture, Pixels } from '../image/pixels'
 import { duration, metric, short } from '../model/format'
 import { PILOT_ROUNDS, timeToTarget } from '../model/convergence'
 import type { Job } from '../model/job'
+import { mayChange } from '../model/job'
 import { formatRoute } from '../model/route'
 import type { Actions, JobPage, State } from '../state'
 import { Anomalies, Chains, Facts, Groups, Log, PlanCard, TimelineCard } from './details'
@@ -96,7 +97,7 @@ type HeadProps = Omit<Props, 'page'>
 
 function JobButtons({ job, state, actions }: HeadProps) {
   const [refining, setRefining] = useState(false)
-  const may = state.session?.role !== 'read'
+  const may = mayChange(state.session, job.user)
   const button = (
     action: 'pause' | 'resume' | 'finish' | 'cancel',
     text: string,

@@ -84,7 +84,8 @@ void load_sphere(Properties& properties, Shape& shape, Context& context) {
     for (int row = 0; row < 3; ++row) sphere.rotation[3 * row + axis] = image[row];
   }
   // A mirrored sphere is seen from inside, also where its motion mirrors it.
-  if (determinant(to_world) < 0 || motion::mirrors(shape.motion)) shape.flip_normals = !shape.flip_normals;
+  if (determinant(to_world) < 0 || motion::mirrors(shape.motion))
+    shape.flip_normals = !shape.flip_normals;
   properties.ignore({"subdiv"});
   shape.geometry = sphere;
 }

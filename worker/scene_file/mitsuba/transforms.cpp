@@ -134,8 +134,8 @@ std::optional<scene::Linear> carries_axes(const Matrix& step) {
   return m;
 }
 
-// What turns is told as it stands in the file: a matrix does not know of whole turns. Those before a
-// step that is neither a translation nor, but for an equal scale, a rotation, are left out.
+// What turns is told as it stands in the file: a matrix does not know of whole turns. Those before
+// a step that is neither a translation nor, but for an equal scale, a rotation, are left out.
 std::vector<scene::Turn> read_turns(const Element& key, Problems& problems) {
   std::vector<scene::Turn> turns;
   for (const Element& step : key.children) {

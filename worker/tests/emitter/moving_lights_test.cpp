@@ -158,8 +158,8 @@ TEST(MovingLights, MayGrowFromAPoint) {
     test::UniformLanes random(3);
     test::Moments power;
     for (int i = 0; i < kSamples; i += kLanes) {
-      const Emission e = lights.table.emit(random.next(), random.pair(), random.pair(), Float(time),
-                                           all_lanes());
+      const Emission e =
+          lights.table.emit(random.next(), random.pair(), random.pair(), Float(time), all_lanes());
       for (int lane = 0; lane < kLanes; ++lane)
         power.add(test::lane_set(e.valid, lane) ? lane_value(e.power.y, lane) : 0.0);
     }
@@ -226,7 +226,9 @@ TEST(MovingLights, SamplesAreWhatRaysMeet) {
         // place, which a grazing view magnifies.
         if (!at.hit || std::fabs(at.pdf / lane_value(s.pdf_solid_angle, 0) - 1) > 1e-2) ++missed;
       }
-      if (looked > 0) EXPECT_LE(missed, looked / 50) << time;
+      if (looked > 0) {
+        EXPECT_LE(missed, looked / 50) << time;
+      }
       EXPECT_TRUE(test::same_mean(sampled, met, 1e-6)) << time;
     }
   }

@@ -93,7 +93,7 @@ TEST(PoseTable, ViewpointsFollowTheirWayInLargeScenes) {
   constexpr double kWay = 0.01, kRadius = 1e4;
   scene::Motion wavy{{}, scene::MotionPath::kCatmullRom};
   for (int i = 0; i <= 8; ++i)
-    wavy.keys.push_back({i * 0.125, translated(kWay * std::sin(2.0 * i), kWay * 0.125 * i, 0)});
+    wavy.keys.push_back({i * 0.125, translated(kWay * std::sin(0.8 * i), kWay * 0.125 * i, 0)});
   const Track track(wavy);
   PoseTable table({0, 1});
   table.add_viewpoint(track, kIdentity, kRadius);
@@ -122,7 +122,8 @@ TEST(PoseTable, PointsMove) {
       const LanePose pose = table.at(Int(number), Float(time), all_lanes());
       for (int i = 0; i < 12; ++i) {
         EXPECT_TRUE(std::isfinite(lane_matrix(pose, 0)[i])) << reach;
-        if (time != 0.4F) EXPECT_NEAR(lane_matrix(pose, 0)[i], track.at(double(time))[i], 1e-6);
+        if (time == 0.4F) continue;
+        EXPECT_NEAR(lane_matrix(pose, 0)[i], track.at(double(time))[i], 1e-6);
       }
     }
   }

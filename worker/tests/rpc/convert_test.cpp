@@ -266,6 +266,27 @@ TEST(ToReport, CountsWhatIsThere) {
   EXPECT_GT(report.memory_bytes(), 0U);
 }
 
+// Two turns are followed, three hundred need more steps than there are.
+TEST(ToReport, TellsOfWhatStepsCannotFollow) {
+  for (const double turns : {2.0, 300.0}) {
+    scene::SceneDescription description = test::room();
+    description.sensor.shutter_close = 1;
+    scene::Shape& ball = description.shapes[2];
+    ball.where = {"scene.xml", 12};
+    ball.motion.keys.resize(2);
+    ball.motion.keys[1].time = 1;
+    for (scene::Keyframe& key : ball.motion.keys)
+      key.turns = {{{0, 1, 0}, 360 * turns * key.time}};
+    const auto report = to_report(transport::Scene(std::move(description), "avx2"), {});
+    ASSERT_EQ(report.warnings_size(), turns > 2 ? 1 : 0);
+    if (turns == 2) continue;
+    EXPECT_TRUE(report.warnings(0).starts_with(
+        "scene.xml:12: while the shutter is open this moves more than 129 steps can follow: it is "
+        "up to "))
+        << report.warnings(0);
+  }
+}
+
 // The report comes before any spec: what the worker cannot serve must not end it.
 TEST(ToReport, SurvivesAFilterThatIsTooWide) {
   scene::SceneDescription description = test::room();

@@ -224,8 +224,7 @@ TEST(Ply, IsTurnedOverByAMirrorThatComesLaterAsByOneAtOnce) {
       "<shape type=\"deformable\"><string name=\"filename\" value=\"m.ply, m.ply\"/>"
       "<string name=\"times\" value=\"0, 1\"/>";
   for (const std::string mirror : {"1", "-1"}) {
-    const std::string pose =
-        "<scale x=\"" + mirror + "\" y=\"2\"/><rotate y=\"1\" angle=\"70\"/>";
+    const std::string pose = "<scale x=\"" + mirror + "\" y=\"2\"/><rotate y=\"1\" angle=\"70\"/>";
     const std::string still = "<transform name=\"to_world\">" + pose + "</transform></shape>";
     const std::string moving = "<animation name=\"to_world\"><transform time=\"0\">" + pose +
                                "</transform><transform time=\"1\">" + pose +
@@ -248,8 +247,8 @@ TEST(Ply, IsTurnedOverByAMirrorThatComesLaterAsByOneAtOnce) {
         for (size_t i = 0; i < mesh.normals.size(); i += 3) {
           // Vertex 3 is in no face: any normal will do.
           if (i / 3 == 3) continue;
-          const Point n = normalized(transform_point(
-              carry, {mesh.normals[i], mesh.normals[i + 1], mesh.normals[i + 2]}));
+          const Point n = normalized(
+              transform_point(carry, {mesh.normals[i], mesh.normals[i + 1], mesh.normals[i + 2]}));
           for (size_t k = 0; k < 3; ++k)
             EXPECT_NEAR(n[k], expected.normals[i + k], 1e-6) << mirror << more;
         }

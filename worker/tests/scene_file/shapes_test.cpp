@@ -125,10 +125,10 @@ TEST(Sphere, MirroredSpheresAreSeenFromInside) {
 TEST(Sphere, MirroredSpheresThatMoveAreSeenFromInsideToo) {
   const std::string flip = "<boolean name=\"flip_normals\" value=\"true\"/>";
   const auto flipped = [](const std::string& steps, const std::string& more) {
-    const auto scene = load_valid(
-        "<shape type=\"sphere\"><animation name=\"to_world\"><transform time=\"0\">" + steps +
-        "</transform><transform time=\"1\">" + steps +
-        "<translate x=\"1\"/></transform></animation>" + more + "</shape>");
+    const auto scene =
+        load_valid("<shape type=\"sphere\"><animation name=\"to_world\"><transform time=\"0\">" +
+                   steps + "</transform><transform time=\"1\">" + steps +
+                   "<translate x=\"1\"/></transform></animation>" + more + "</shape>");
     EXPECT_EQ(scene.shapes.at(0).motion.keys.size(), 2U);
     return scene.shapes.at(0).flip_normals;
   };

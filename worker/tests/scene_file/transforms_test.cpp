@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <numbers>
+
+#include "motion/track.h"
 #include "scene_file/affine.h"
 #include "support.h"
 
@@ -99,9 +102,10 @@ TEST(Animation, PathsMayBeCurved) {
 // Steps after a turn that keep angles carry its axis along; whole turns stay whole turns.
 TEST(Animation, WholeTurnsAreKeptUnderLaterSteps) {
   const auto turns_of = [](const std::string& later) {
-    const scene::Motion motion = motion_of(
-        "<transform time=\"0\"/><transform time=\"1\"><rotate z=\"1\" angle=\"720\"/>" + later +
-        "</transform>");
+    const scene::Motion motion =
+        motion_of("<transform time=\"0\">" + later +
+                  "</transform><transform time=\"1\"><rotate z=\"1\" angle=\"720\"/>" + later +
+                  "</transform>");
     return motion.keys.at(1).turns;
   };
   const std::pair<const char*, scene::Point> steps[] = {
@@ -124,8 +128,8 @@ TEST(Animation, WholeTurnsAreKeptUnderLaterSteps) {
 TEST(Animation, WholeTurnsAmongOtherStepsAreMade) {
   const auto key = [](const char* time, const char* degrees, const std::string& before,
                       const std::string& after) {
-    return "<transform time=\"" + std::string(time) + "\">" + before +
-           "<rotate y=\"1\" angle=\"" + degrees + "\"/>" + after + "</transform>";
+    return "<transform time=\"" + std::string(time) + "\">" + before + "<rotate y=\"1\" angle=\"" +
+           degrees + "\"/>" + after + "</transform>";
   };
   const std::pair<const char*, const char*> around[] = {
       {"", "<lookat origin=\"1, 2, 3\" target=\"5, 2, 4\" up=\"0, 1, 0\"/>"},
