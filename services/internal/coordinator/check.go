@@ -89,7 +89,7 @@ func (r *run) rule(h *heldBatch, key segmentKey, c *check.Case) (complaint strin
 		r.checks.proven[key] = ruling.Mark
 		r.closeCase(h, key)
 		if h.counted && ruling.Mark != h.mark(key) {
-			r.unwind(h)
+			r.unwind(h.batch.Round)
 		}
 		if len(ruling.Wrong) > 0 {
 			r.convict(key, c, ruling)
@@ -117,9 +117,6 @@ func (r *run) convict(key segmentKey, c *check.Case, ruling check.Ruling) {
 	c.Heard = c.Heard[:2] // the third was never in dispute
 	for _, worker := range ruling.Wrong {
 		r.acquit(c, worker)
-		if worker == unknown {
-			continue
-		}
 		r.exclude(worker, evidence)
 	}
 }
@@ -175,16 +172,27 @@ func (r *run) expel(worker string) {
 	}
 }
 
+// doubt has all checked that the parties to undecided cases of a batch deliver, and lists them: nobody will
+// decide. Requires: mu.
+func (r *run) doubt(h *heldBatch) (parties []string) {
+	for _, c := range h.cases {
+		if status := c.Ruling().Status; status != check.Disputed && status != check.Hung {
+			continue
+		}
+		for _, t := range c.Heard {
+			r.checks.doubted[t.Worker] = true
+			parties = append(parties, t.Worker)
+		}
+	}
+	return parties
+}
+
 // pauseFor pauses a job that cannot go on without its user; all held batches are dropped. Requires:
 // mu.
 func (r *run) pauseFor(reason string) {
 	for _, h := range slices.Clone(r.checks.held) {
-		for _, c := range h.cases {
-			if status := c.Ruling().Status; status == check.Disputed || status == check.Hung {
-				for _, t := range c.Heard {
-					r.checks.suspects[t.Worker], r.checks.doubted[t.Worker] = true, true
-				}
-			}
+		for _, worker := range r.doubt(h) {
+			r.checks.suspects[worker] = true
 		}
 		r.drop(h)
 	}

@@ -21,6 +21,11 @@ import (
 // counted of the round and those after it is thrown away and rendered again: a film cannot be taken out of
 // a sum. Tasks get new names then, so that nothing that was rendered from the wrong states is taken.
 //
+// Who delivered a segment is known only to the coordinator that counted it. In a round that was counted
+// before this one had the job the first worker cannot be kept from confirming itself, so nobody is asked: the
+// round is thrown away at once, its segment is rendered twice this time, and so is all that the second
+// worker delivers.
+//
 // A round that is closed cannot be rendered again: its chains have moved on. Then both workers are flagged
 // and the job has a warning.
 
@@ -46,8 +51,12 @@ func (r *run) compare(key segmentKey, worker string, mark round.Mark) (complaint
 	if key.round < r.state.Closed {
 		return r.warnOfLate(key, worker, counted, mark)
 	}
+	first := r.checks.by[key].worker
+	if first == unknown {
+		return r.beginAgain(key, worker, counted, mark)
+	}
 	h := &heldBatch{
-		worker: r.checks.by[key].worker, counted: true, since: r.c.options.Now(),
+		worker: first, counted: true, since: r.c.options.Now(),
 		batch: &merge.Batch{
 			Job: r.id, Round: key.round, Segments: []merge.Segment{{Entry: round.Entry{Segment: key.segment, Mark: counted}}},
 		},
@@ -62,13 +71,21 @@ func (r *run) compare(key segmentKey, worker string, mark round.Mark) (complaint
 	return complaint
 }
 
+// beginAgain throws the round of a segment away of which nobody knows any more who delivered it first.
+// Requires: mu; the round is open.
+func (r *run) beginAgain(key segmentKey, worker string, counted, mark round.Mark) (complaint string) {
+	c := &check.Case{Heard: []check.Testimony{{Worker: unknown, Mark: counted}, {Worker: worker, Mark: mark}}}
+	r.checks.doubted[worker] = true
+	r.checks.twice[key] = true
+	r.unwind(key.round)
+	return r.evidence(key, c) + "; its round is rendered again"
+}
+
 // warnOfLate requires: mu; the segment's round is closed.
 func (r *run) warnOfLate(key segmentKey, worker string, counted, mark round.Mark) (complaint string) {
 	first := r.checks.by[key].worker
 	r.c.flag(first)
-	c := &check.Case{}
-	c.Hear(first, counted)
-	c.Hear(worker, mark)
+	c := &check.Case{Heard: []check.Testimony{{Worker: first, Mark: counted}, {Worker: worker, Mark: mark}}}
 	complaint = r.evidence(key, c) + "; the first is in the image"
 	if !slices.ContainsFunc(r.rec.Warnings, func(text string) bool { return strings.HasPrefix(text, lateWarning) }) {
 		r.warn(fmt.Sprintf("%s: %s; to be sure, repeat the job from its resolved spec", lateWarning, complaint))
@@ -98,11 +115,10 @@ func (r *run) uphold() {
 	r.c.wake()
 }
 
-// unwind throws the round of a segment that is wrong, or may be, away with those after it; they are rendered
-// again. Nobody decides about other contested segments then: the earliest round that has one goes too.
-// Requires: mu.
-func (r *run) unwind(h *heldBatch) {
-	number := h.batch.Round
+// unwind throws the open round of a segment that is wrong, or may be, away with those after it; they are
+// rendered again. Nobody decides about other contested segments then: the earliest round that has one goes
+// too. Requires: mu.
+func (r *run) unwind(number int) {
 	for _, other := range r.checks.held {
 		if other.counted {
 			number = min(number, other.batch.Round)
@@ -128,6 +144,7 @@ func (r *run) discardFrom(number int) {
 func (r *run) uncount(number int) {
 	number = max(number, r.state.Closed)
 	r.state.Unwind(number)
+	r.uncounted++
 	for key, by := range r.checks.by {
 		if key.round < number {
 			continue

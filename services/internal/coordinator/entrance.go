@@ -40,6 +40,14 @@ func (r *run) leaveRoomIfGone() {
 	}
 }
 
+// standBack gives back the room of a paused job that was taken over without a usable checkpoint: it has no
+// film before its scene is inspected, which asks for room again, and that may be long. Requires: mu.
+func (r *run) standBack() {
+	if r.rec.Paused && r.spec == nil {
+		r.c.room.remove(r)
+	}
+}
+
 // waitingForRoom requires: mu.
 func (r *run) waitingForRoom() bool { return r.parked != nil && !r.rec.State.Ended() }
 
@@ -69,17 +77,19 @@ func (r *run) unpark() bool {
 	defer r.c.announce()
 	r.mu.Lock()
 	defer r.mu.Unlock()
+	defer r.leaveRoomIfGone()
+	priority, bytes := r.rec.Request.Priority, r.rec.FilmBytes
 	switch {
 	case r.parked == nil || r.rec.State.Ended() || r.gone.Load():
 		r.c.room.remove(r)
 		return true
 	case r.rec.Paused || !r.mayAct():
-		r.c.room.wait(r, r.rec.Request.Priority, r.rec.FilmBytes)
+		r.c.room.wait(r, priority, bytes)
 		return false
+	case !r.c.room.enter(r, priority, bytes, (*run).mayGoOn): // a change of its priority has put it back in line
+		r.c.room.wait(r, priority, bytes)
+		return true
 	}
-	// A change of its priority may have put it back in line since.
-	r.c.room.force(r, r.rec.FilmBytes)
-	defer r.leaveRoomIfGone()
 	goOn := r.parked
 	r.parked = nil
 	goOn()
@@ -99,7 +109,9 @@ func (c *Coordinator) hasRoomFor(ctx context.Context, id string) (bool, error) {
 		return true, nil // it only needs to be stored with all that belongs to it
 	}
 	strange := c.room.strangeTo(id)
-	takes := c.room.receive(id, stored.Request.Priority, stored.Number, stored.FilmBytes, (*run).mayGoOn)
+	takes := c.room.receive(id, &guest{
+		priority: stored.Request.Priority, number: stored.Number, bytes: stored.FilmBytes, paused: stored.Paused,
+	}, (*run).mayGoOn)
 	if !takes && !strange {
 		c.log.Info("job without owner is not taken over: there is no room for its film", "job", id, "film_bytes", stored.FilmBytes)
 	}

@@ -52,6 +52,9 @@ type checks struct {
 	by map[segmentKey]countedBy
 	// doubted disagreed, and nobody decided: all that they deliver is checked, until a batch is confirmed.
 	doubted map[string]bool
+	// twice names segments that workers disagreed about without a decision: they are checked when they are
+	// rendered again.
+	twice map[segmentKey]bool
 	// unchecked counts segments by the worker on whose word alone they were counted.
 	unchecked map[string]int
 }
@@ -61,6 +64,7 @@ func newChecks() checks {
 		of: make(map[segmentKey]*heldBatch), proven: make(map[segmentKey]round.Mark),
 		suspects: make(map[string]bool), unchecked: make(map[string]int),
 		by: make(map[segmentKey]countedBy), doubted: make(map[string]bool),
+		twice: make(map[segmentKey]bool),
 	}
 }
 
@@ -103,7 +107,8 @@ func (r *run) toCheck(w worker, batch *merge.Batch) []segmentKey {
 	for _, s := range batch.Segments {
 		key := segmentKey{batch.Round, s.Segment}
 		_, proven := r.checks.proven[key]
-		if !proven && (r.checks.doubted[w.id] || check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment)) {
+		suspicious := r.checks.doubted[w.id] || r.checks.twice[key]
+		if !proven && (suspicious || check.Selected(r.c.options.CheckOneIn, r.spec.GetSeed(), key.round, key.segment)) {
 			selected = append(selected, key)
 		}
 	}
@@ -181,7 +186,7 @@ func (r *run) drop(h *heldBatch) {
 	switch {
 	case !slices.Contains(r.checks.held, h): // gone with another one
 	case h.counted:
-		r.unwind(h)
+		r.unwind(h.batch.Round)
 	default:
 		r.forget(h)
 		r.reopen(h)

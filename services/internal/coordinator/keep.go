@@ -126,7 +126,7 @@ type draft struct {
 	name      string
 	finishing *round.Decision // why the job ends with it; nil if it goes on
 	contested bool            // it holds a segment that workers disagree about
-	unwound   uint64          // how often open rounds were thrown away before
+	uncounted uint64          // run.uncounted when it was made
 }
 
 // checkpoint writes the job's progress to a new blob, then swings the pointer to it. A job that has
@@ -177,7 +177,7 @@ func (r *run) draft() draft {
 	extra.WallSeconds = r.wallSeconds()
 	return draft{
 		Checkpoint: checkpoint.Checkpoint{State: r.state.Snapshot(), Extra: extra},
-		name:       r.checkpointName(), finishing: r.finishing, contested: r.contested(), unwound: r.rec.Unwound,
+		name:       r.checkpointName(), finishing: r.finishing, contested: r.contested(), uncounted: r.uncounted,
 	}
 }
 
@@ -193,7 +193,7 @@ func (r *run) swing(d draft, cost time.Duration, bytes int) {
 		r.garbage = append(r.garbage, r.rec.Checkpoint)
 	}
 	r.rec.Checkpoint = d.name
-	if !d.contested && d.unwound == r.rec.Unwound && !r.contested() {
+	if !d.contested && d.uncounted == r.uncounted && !r.contested() {
 		r.rec.Contested = nil
 	}
 	r.checkpointCost = cost

@@ -288,10 +288,12 @@ func (c *Coordinator) goOn(ctx context.Context, r *run, rec store.Record) {
 		c.drop(r)
 		return
 	}
-	if r.state != nil {
-		c.room.force(r, r.rec.FilmBytes) // records of earlier versions do not tell
-		r.leaveRoomIfGone()
+	if r.state == nil {
+		r.standBack()
+		return
 	}
+	c.room.force(r, r.rec.FilmBytes) // records of earlier versions do not tell
+	r.leaveRoomIfGone()
 }
 
 // unusable tells whether a checkpoint will never be readable.

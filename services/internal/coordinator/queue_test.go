@@ -266,3 +266,22 @@ func TestInfrastructureDoesNotPoison(t *testing.T) {
 		t.Errorf("%s: %s", j.State, j.Error)
 	}
 }
+
+// A worker that registers again after it was lost was not killed by what it held either.
+func TestWhoRegistersAgainIsForgiven(t *testing.T) {
+	s := newSite(t)
+	s.start()
+	defer s.stop()
+	id := s.submit(pathRequest(1))
+	lost := ""
+	for _, letter := range []string{"a", "b", "c", "d"} {
+		newHand(t, s.c, letter).await()
+		if lost != "" {
+			newHand(t, s.c, lost)
+		}
+		lost = letter
+	}
+	if j := s.job(id); j.State.Ended() {
+		t.Errorf("%s: %s", j.State, j.Error)
+	}
+}

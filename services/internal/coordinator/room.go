@@ -13,7 +13,8 @@ import (
 // queued, and holds nothing; the first of those that wait by priority and age goes on when its film
 // fits, and nobody passes it, or a large film would wait for ever; only who is paused stands aside. Jobs
 // without owner that do not fit stay where they are, so that another coordinator may take them, but keep
-// their place here: smaller jobs behind them wait too. A film always fits where there is no other.
+// their place here: smaller jobs behind them wait too. One that is paused stands aside until somebody asks
+// for it. A film always fits where there is no other.
 
 // room is the memory of films: what is granted, and who waits. Methods may be called from several
 // goroutines.
@@ -34,7 +35,18 @@ type guest struct {
 	priority int
 	number   uint64
 	bytes    int64
-	invited  bool // of those that nobody owns: it is taken over whether it fits or not
+	// Of those that nobody owns:
+	invited bool // it is taken over whether it fits or not
+	paused  bool // it stands aside,
+	wanted  bool // unless somebody waits to act on it
+}
+
+// aside tells whether others may pass a guest. ready is that of room.next.
+func (g *guest) aside(ready func(*run) bool) bool {
+	if g.run == nil {
+		return g.paused && !g.wanted
+	}
+	return !ready(g.run)
 }
 
 func newRoom(budget int64) *room {
@@ -68,7 +80,7 @@ func (m *room) enter(r *run, priority int, bytes int64, ready func(*run) bool) b
 
 // isFirst tells whether nobody waits before a guest, but for those that stand aside. Requires: mu.
 func (m *room) isFirst(mine *guest, ready func(*run) bool) bool {
-	at := slices.IndexFunc(m.waiting, func(g *guest) bool { return g.run == nil || ready(g.run) })
+	at := slices.IndexFunc(m.waiting, func(g *guest) bool { return !g.aside(ready) })
 	return at < 0 || compareGuests(mine, m.waiting[at]) <= 0
 }
 
@@ -122,7 +134,7 @@ func (m *room) next(ready func(*run) bool) *run {
 	defer m.mu.Unlock()
 	for _, g := range m.waiting {
 		switch {
-		case g.run != nil && !ready(g.run):
+		case g.aside(ready):
 			continue
 		case g.run == nil || !m.fits(g.bytes):
 			return nil
@@ -136,15 +148,16 @@ func (m *room) next(ready func(*run) bool) *run {
 
 // receive tells whether a job that nobody owns may be taken over, and then expects it: it has its room
 // until it is forced in or forgotten. If not, it keeps a place in the line. ready is that of next.
-func (m *room) receive(id string, priority int, number uint64, bytes int64, ready func(*run) bool) bool {
+func (m *room) receive(id string, mine *guest, ready func(*run) bool) bool {
 	m.mu.Lock()
 	defer m.mu.Unlock()
-	known := m.strange[id]
+	if known := m.strange[id]; known != nil {
+		mine.invited, mine.wanted = known.invited, known.wanted
+	}
 	m.forget(id)
-	mine := &guest{priority: priority, number: number, bytes: bytes}
-	if bytes == 0 || m.fits(bytes) && m.isFirst(mine, ready) || known != nil && known.invited {
-		m.expected[id] = bytes
-		m.used += bytes
+	if mine.bytes == 0 || m.fits(mine.bytes) && m.isFirst(mine, ready) || mine.invited {
+		m.expected[id] = mine.bytes
+		m.used += mine.bytes
 		return true
 	}
 	m.strange[id] = mine
@@ -184,6 +197,15 @@ func (m *room) invite(id string) bool {
 		known.invited = true
 	}
 	return known != nil
+}
+
+// recall gives a paused job that nobody owns its place in the line back: somebody waits to act on it.
+func (m *room) recall(id string) {
+	m.mu.Lock()
+	defer m.mu.Unlock()
+	if known := m.strange[id]; known != nil {
+		known.wanted = true
+	}
 }
 
 // strangeTo tells whether a job waits that nobody owns.

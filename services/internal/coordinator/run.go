@@ -44,6 +44,8 @@ type run struct {
 	garbage []string // blobs that the record does not name any more
 	tasks   map[string]taskKey
 	checks  checks
+	// uncounted is how often something was taken back of open rounds: a checkpoint of before may have it.
+	uncounted uint64
 
 	// From inspection on.
 	report *scenev1.SceneReport
@@ -194,9 +196,10 @@ func (r *run) decideLast(reason string) {
 	r.rec.Decision = &round.Decision{Round: number, Reason: reason}
 	r.save() // before it takes effect: a restart must stop on the same round
 	for _, h := range slices.Clone(r.checks.held) {
-		if h.batch.Round > number {
+		if h.batch.Round > number { // nobody decides about it any more
+			r.doubt(h)
 			r.forget(h)
-			if h.counted { // nobody decides about it any more
+			if h.counted {
 				r.uncount(h.batch.Round)
 			}
 		}

@@ -107,7 +107,8 @@ func fingerprint(request any) (string, error) {
 	return hex.EncodeToString(sum[:]), nil
 }
 
-// alter applies a user's action to a job that has not ended. It is stored when alter returns.
+// alter applies a user's action to a job that has not ended. It is stored when alter returns. A job that
+// nobody owns cannot be acted on before it is taken over.
 func (c *Coordinator) alter(ctx context.Context, id string, act func(*run) error) (job.Snapshot, error) {
 	r := c.running(id)
 	if r == nil {
@@ -124,15 +125,19 @@ func (c *Coordinator) alter(ctx context.Context, id string, act func(*run) error
 		return job.Snapshot{}, fmt.Errorf("job %s is %s: %w", id, r.rec.State, job.ErrConflict)
 	}
 	if r.gone.Load() || r.loading {
+		c.room.recall(id)
 		return job.Snapshot{}, fmt.Errorf("job %s is between two coordinators: %w", id, job.ErrUnavailable)
 	}
 	if err := act(r); err != nil {
 		return job.Snapshot{}, err
 	}
-	if !r.save() {
-		return job.Snapshot{}, fmt.Errorf("job %s: %w", id, store.ErrUnavailable)
+	switch saved := r.save(); {
+	case saved:
+		return r.snapshot(), nil
+	case r.gone.Load():
+		return job.Snapshot{}, fmt.Errorf("job %s has moved to another coordinator: %w", id, job.ErrUnavailable)
 	}
-	return r.snapshot(), nil
+	return job.Snapshot{}, fmt.Errorf("job %s: %w", id, store.ErrUnavailable)
 }
 
 // Change implements api.Service.
@@ -144,6 +149,7 @@ func (c *Coordinator) Change(ctx context.Context, id string, change job.Change) 
 			r.publish("state", fmt.Sprintf("priority changed from %d to %d", before.Priority, after.Priority), nil)
 			if r.parked != nil {
 				c.room.wait(r, after.Priority, r.rec.FilmBytes)
+				r.leaveRoomIfGone()
 			}
 		} else if after.Name != before.Name {
 			r.publish("state", "renamed", nil)
@@ -169,6 +175,7 @@ func (c *Coordinator) Pause(ctx context.Context, id string) (job.Snapshot, error
 		if !r.rec.Paused {
 			r.rec.Paused = true
 			r.stopClock()
+			r.standBack()
 			r.publish("state", "paused", nil)
 		}
 		return nil

@@ -8,6 +8,7 @@ import (
 	"fmt"
 
 	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/store"
 )
 
 // Service is what this package needs of a coordinator; api.Service has it.
@@ -36,7 +37,8 @@ func Resume(ctx context.Context, s Service, id string) (job.Sequence, error) {
 
 // act does something to each frame that has not ended. The last goes first: a worker that is free
 // meanwhile shall not begin with one of which it is taken away at once. A frame that is not available at
-// the moment keeps none of the others waiting; the first such error is returned at the end.
+// the moment keeps none of the others waiting; the first such error is returned at the end. Where the store
+// is out of reach none of them is available, and each would be waited for.
 func act(ctx context.Context, s Service, id string, do func(context.Context, string) (job.Snapshot, error)) (job.Sequence, error) {
 	q, err := s.Sequence(ctx, id)
 	if err != nil {
@@ -53,7 +55,7 @@ func act(ctx context.Context, s Service, id string, do func(context.Context, str
 			continue
 		}
 		err = fmt.Errorf("frame %d: %w", f.Number, err)
-		if ctx.Err() != nil || !errors.Is(err, job.ErrUnavailable) {
+		if ctx.Err() != nil || errors.Is(err, store.ErrUnavailable) || !errors.Is(err, job.ErrUnavailable) {
 			return q, err
 		}
 		if unavailable == nil {

@@ -10,6 +10,7 @@ import (
 
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/sequence"
+	"metrofarm/services/internal/store"
 )
 
 // service has a sequence of frames whose jobs fail with these errors.
@@ -50,6 +51,16 @@ func TestOtherErrorsEndAnAction(t *testing.T) {
 		t.Errorf("error %v", err)
 	}
 	if !slices.Equal(s.touched, []string{"2", "1"}) {
+		t.Errorf("tried frames %q", s.touched)
+	}
+}
+
+func TestAnOutageOfTheStoreIsWaitedForOnce(t *testing.T) {
+	s := &service{errors: []error{nil, nil, fmt.Errorf("job 2: %w", store.ErrUnavailable)}}
+	if _, err := sequence.Pause(t.Context(), s, "q"); !errors.Is(err, store.ErrUnavailable) {
+		t.Errorf("error %v", err)
+	}
+	if !slices.Equal(s.touched, []string{"2"}) {
 		t.Errorf("tried frames %q", s.touched)
 	}
 }
