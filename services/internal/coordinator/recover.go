@@ -56,6 +56,7 @@ func (r *run) load(c checkpoint.Checkpoint) error {
 	r.state, r.spec, r.report, r.extra = c.State, c.State.Spec, report, c.Extra
 	r.lastCheckpoint = r.c.options.Now()
 	if r.rec.Refinements > 0 && !r.extend() {
+		r.state, r.spec, r.report, r.extra = nil, nil, nil, checkpoint.Extra{}
 		return fmt.Errorf("%w: it has more rounds than the job asks for", checkpoint.ErrCorrupt)
 	}
 	if number := r.rec.Contested; number != nil {
