@@ -133,7 +133,7 @@ def plant(tree: Tree, sabotage: Sabotage) -> tuple[bool, str]:
 
 def prepare(tree: Tree, chosen: list[Sabotage]) -> None:
     """Builds without a bug; every command must be green then."""
-    for what in sorted({sabotage.build for sabotage in chosen}):
+    for what in BUILDS:  # tests of one part may run the other
         built = tree.build(what)
         if built is not None and built.returncode != 0:
             sys.exit(f"the tree does not build without any bug:\n{tail(built, 40)}")
