@@ -275,8 +275,7 @@ TEST(ToReport, TellsOfWhatStepsCannotFollow) {
     ball.where = {"scene.xml", 12};
     ball.motion.keys.resize(2);
     ball.motion.keys[1].time = 1;
-    for (scene::Keyframe& key : ball.motion.keys)
-      key.turns = {{{0, 1, 0}, 360 * turns * key.time}};
+    for (scene::Keyframe& key : ball.motion.keys) key.turns = {{{0, 1, 0}, 360 * turns * key.time}};
     const auto report = to_report(transport::Scene(std::move(description), "avx2"), {});
     ASSERT_EQ(report.warnings_size(), turns > 2 ? 1 : 0);
     if (turns == 2) continue;
