@@ -5,11 +5,12 @@ usage: farm_cost.py [--scene NAME] [--mutations N] [--repetitions N] [--out DIR]
 
 One coordinator with its data on disk, real workers that connect to it, chains at 320 x 180:
 
-- Overhead: CPU time of coordinator and worker for a job of 3 N mutations per pixel less that for
-  one of N, over the CPU time that the bare worker's loop takes for the difference (mean of a run
-  before and one after), minus 1. The difference removes what a job costs once (start, loading,
-  bootstrap, the last image). The machine's speed drifts from run to run; so the share of that CPU
-  time which the worker's threads did not spend in rendering segments is told too, from one run.
+- Overhead: CPU time of coordinator and worker per mutation, over that of the bare worker's loop,
+  minus 1. It is made of two figures, told apart: the CPU time that the worker's threads spend in
+  segments per mutation, over the bare loop's (jobs and bare runs by turns: the machine's speed
+  drifts by more than the overhead); and the share of all CPU time that is not spent in segments.
+  The share is that of a job of 3 N mutations per pixel less one of N, which removes what a job
+  costs once (start, loading, bootstrap, the last image).
 - Checkpoints: their CPU time is within the overhead; told apart is the time that writing them
   takes, over the time of rendering.
 - Scaling: mutations per second of rendering, of one worker with one thread, one with two and two
@@ -112,7 +113,7 @@ def bare_rate(task: Task) -> float:
     answer = run_json(
         [
             *(str(WORKER), "bench", str(task.scene), "--integrator", "pssmlt", "--threads", "2"),
-            *("--per-pixel", str(2 * task.mutations)),
+            *("--per-pixel", str(task.mutations)),
             *("--width", str(WIDTH), "--height", str(HEIGHT)),
         ]
     )
@@ -120,20 +121,24 @@ def bare_rate(task: Task) -> float:
 
 
 def measure_overhead(task: Task) -> dict[str, float]:
-    # Before and after: the machine's own speed drifts by more than the overhead.
     rates = [bare_rate(task)]
     with tempfile.TemporaryDirectory() as scratch:
         farm = started(Path(scratch), workers=1, threads=2)
         try:
-            short, long = run_job(farm, task, 1), run_job(farm, task, 3)
+            short = run_job(farm, task, 1)
+            rates.append(bare_rate(task))
+            long = run_job(farm, task, 3)
         finally:
             farm.close()
-    bare = statistics.harmonic_mean([*rates, bare_rate(task)])
-    mutations = long.mutations - short.mutations
+    rates.append(bare_rate(task))
+    rendering = (short.rendering_seconds + long.rendering_seconds) * statistics.harmonic_mean(rates)
+    segments = rendering / (short.mutations + long.mutations)
     spent = long.cpu_seconds - short.cpu_seconds
+    outside = 1 - (long.rendering_seconds - short.rendering_seconds) / spent
     return {
-        "overhead": spent * bare / mutations - 1,
-        "outside": 1 - (long.rendering_seconds - short.rendering_seconds) / spent,
+        "overhead": segments / (1 - outside) - 1,
+        "segments": segments - 1,
+        "outside": outside,
         "coordinator": (long.coordinator_seconds - short.coordinator_seconds) / spent,
         "checkpoints": long.checkpoint_seconds / long.wall_seconds,
     }
@@ -157,7 +162,8 @@ def measure_scaling(task: Task) -> dict[str, float]:
 
 NAMES = {
     "overhead": "CPU time beyond the bare worker's",
-    "outside": "of all CPU time, outside of rendering segments",
+    "segments": "in segments alone, beyond the bare worker's",
+    "outside": "of all CPU time, outside of segments",
     "coordinator": "of all CPU time, the coordinator's",
     "checkpoints": "time of writing checkpoints, of rendering",
     "fixed_cores": "rate of 2 workers with 1 thread, over 1 with 2",

@@ -94,8 +94,8 @@ double AreaLights::mean_weight(int light, const scene::Colour& colour) const {
   return std::max(sum / (kLanes * rows), double(kColourShare) * weight_of(colour.value));
 }
 
-// At its middle, over eight times, but never so little that it is not chosen: at other times it may
-// be large.
+// At its middle, over eight times. What has no area at all these times may have one at others: it
+// must be chosen now and then.
 double AreaLights::mean_stretch(int light) const {
   if (instance_[light] == scene::kNone) return 1;
   const Int lights(light);
@@ -103,8 +103,9 @@ double AreaLights::mean_stretch(int light) const {
   const Float time = times / Float(8.F);
   Point point = uniform_point(lights, {Float(0.5F), Float(0.5F)}, time, all_lanes());
   place(placed(lights, time, all_lanes()), point);
-  constexpr double kLeast = 1.0 / 64;
-  return std::max(sum_of_lanes(point.stretch) / kLanes, kLeast);
+  constexpr double kSeldom = 1.0 / 64;
+  const double mean = sum_of_lanes(point.stretch) / kLanes;
+  return mean > 0 ? mean : kSeldom;
 }
 
 AreaLights::Placed AreaLights::placed(Int light, Float time, Mask lanes) const {
