@@ -51,6 +51,10 @@ class Watched:
         )
         return str(shown.json_value())
 
+    def images_asked_for(self) -> int:
+        """How many images of a job's film the page asked for."""
+        return sum(url.endswith("image.pfm?layer=color") for url in self.requests)
+
     def elsewhere(self) -> list[str]:
         """Requests to anybody but this machine."""
         return [url for url in self.requests if urlsplit(url).hostname not in (None, "127.0.0.1")]
