@@ -14,7 +14,7 @@ readonly BUILD_PACKAGES=(
   g++ ccache cmake ninja-build make pkg-config git ca-certificates python3 python3-venv
   libembree-dev libtbb-dev libopenexr-dev libgrpc++-dev libprotobuf-dev protobuf-compiler
   protobuf-compiler-grpc prometheus-cpp-dev libpugixml-dev libzstd-dev libxsimd-dev libssl-dev
-  zlib1g-dev libstb-dev libturbojpeg0-dev libgtest-dev
+  zlib1g-dev libstb-dev libturbojpeg0-dev libjemalloc-dev libgtest-dev
 )
 readonly TEST_PACKAGES=(clang-format-19 shellcheck redis-server iproute2 chromium)
 readonly BENCH_PACKAGES=(libllvm19)

@@ -180,11 +180,13 @@ LightBounds DeltaLights::bounds(int light) const {
   b.intensity = powers_[light] / (4 * kPiDouble);
   if (moving_[light] >= 0) {
     const auto number = static_cast<size_t>(moving_[light]);
-    for (int i = 0; i < poses_.step_count(number); ++i) {
+    const int segments = poses_.step_count(number) - 1;
+    for (int i = 0; i <= segments; ++i) {
+      const float time = static_cast<float>(i) / static_cast<float>(segments);
+      const motion::Pose pose = poses_.pose(number, time);
       for (int k = 0; k < 3; ++k) {
-        const double at = poses_.steps(number)[i].offset[k];
-        b.lower[k] = std::min(b.lower[k], at);
-        b.upper[k] = std::max(b.upper[k], at);
+        b.lower[k] = std::min(b.lower[k], double(pose.offset[k]));
+        b.upper[k] = std::max(b.upper[k], double(pose.offset[k]));
       }
     }
     return b;

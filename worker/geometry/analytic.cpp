@@ -113,16 +113,29 @@ double intersect_analytic(const Primitives& p, uint32_t index, const RaySegment&
 }
 
 Bounds bounds_of_analytic(const Primitives& p, uint32_t index) {
+  constexpr float kIdentity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  return bounds_of_analytic(p, index, kIdentity);
+}
+
+Bounds bounds_of_analytic(const Primitives& p, uint32_t index, const float* map) {
   const float* d = &p.analytic[size_t{index} * kAnalyticStride];
   const auto kind = static_cast<AnalyticKind>(p.analytic_kind[index]);
   Bounds bounds;
   for (int k = 0; k < 3; ++k) {
+    const float* row = map + size_t{4} * k;
+    const auto mapped = [row](const float* v) {
+      return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+    };
     // A cylinder lies between its two end disks.
-    const float extent = kind == AnalyticKind::kSphere ? d[3] : std::hypot(d[3 + k], d[6 + k]);
-    const float axis = kind == AnalyticKind::kCylinder ? d[9 + k] : 0.F;
-    const float slack = 1e-6F * (std::fabs(d[k]) + extent + std::fabs(axis));
-    bounds.lower[k] = d[k] + std::fmin(axis, 0.F) - extent - slack;
-    bounds.upper[k] = d[k] + std::fmax(axis, 0.F) + extent + slack;
+    const float extent = kind == AnalyticKind::kSphere ? d[3] * std::hypot(row[0], row[1], row[2])
+                                                       : std::hypot(mapped(d + 3), mapped(d + 6));
+    const float axis = kind == AnalyticKind::kCylinder ? mapped(d + 9) : 0.F;
+    const float center = mapped(d) + row[3];
+    const float terms = std::fabs(row[0] * d[0]) + std::fabs(row[1] * d[1]) +
+                        std::fabs(row[2] * d[2]) + std::fabs(row[3]);
+    const float slack = 1e-6F * (terms + extent + std::fabs(axis));
+    bounds.lower[k] = center + std::fmin(axis, 0.F) - extent - slack;
+    bounds.upper[k] = center + std::fmax(axis, 0.F) + extent + slack;
   }
   return bounds;
 }

@@ -16,5 +16,7 @@ struct RaySegment {
 double intersect_analytic(const Primitives& primitives, uint32_t index, const RaySegment& ray);
 
 Bounds bounds_of_analytic(const Primitives& primitives, uint32_t index);
+// Of the shape under an affine map, 3 x 4, row major.
+Bounds bounds_of_analytic(const Primitives& primitives, uint32_t index, const float* map);
 
 }  // namespace metrofarm::geometry

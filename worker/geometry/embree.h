@@ -7,32 +7,7 @@
 #include <embree3/rtcore.h>
 #endif
 
-#include <array>
-
-#include "motion/pose_table.h"
-
 namespace metrofarm::embree {
-
-// Of a motion with arcs: M = T R S with S = (scale_x skew_xy skew_xz; 0 scale_y skew_yz; 0 0
-// scale_z).
-inline RTCQuaternionDecomposition quaternion_decomposition(const motion::StepPose& s) {
-  RTCQuaternionDecomposition q;
-  rtcInitQuaternionDecomposition(&q);
-  const float* f = s.form;
-  rtcQuaternionDecompositionSetScale(&q, f[0], f[1], f[2]);
-  rtcQuaternionDecompositionSetSkew(&q, f[3], f[4], f[5]);
-  rtcQuaternionDecompositionSetQuaternion(&q, f[9], f[6], f[7], f[8]);
-  rtcQuaternionDecompositionSetTranslation(&q, s.offset[0], s.offset[1], s.offset[2]);
-  return q;
-}
-
-// Of a straight motion.
-inline std::array<float, 12> matrix_columns(const motion::StepPose& s) {
-  std::array<float, 12> m;
-  for (int i = 0; i < 9; ++i) m[i] = s.form[i];
-  for (int i = 0; i < 3; ++i) m[9 + i] = s.offset[i];
-  return m;
-}
 
 inline void intersect8(const int* valid, RTCScene scene, RTCRayHit8* rays) {
 #if RTC_VERSION_MAJOR >= 4
@@ -52,6 +27,42 @@ inline void occluded8(const int* valid, RTCScene scene, RTCRay8* rays) {
   rtcInitIntersectContext(&context);
   rtcOccluded8(valid, scene, &context, rays);
 #endif
+}
+
+#if RTC_VERSION_MAJOR >= 4
+using Context = RTCRayQueryContext;
+#else
+using Context = RTCIntersectContext;
+#endif
+
+// ---- within the callbacks of user geometry that stands for another scene ----
+// id: what is reported as the instance of its hits.
+
+inline void intersect_instance(RTCScene scene, unsigned id, Context* context, RTCRayHit& ray) {
+  context->instID[0] = id;
+#if RTC_VERSION_MAJOR >= 4
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.context = context;
+  rtcIntersect1(scene, &ray, &arguments);
+#else
+  rtcIntersect1(scene, context, &ray);
+#endif
+  context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+}
+
+inline bool occluded_instance(RTCScene scene, unsigned id, Context* context, RTCRay& ray) {
+  context->instID[0] = id;
+#if RTC_VERSION_MAJOR >= 4
+  RTCOccludedArguments arguments;
+  rtcInitOccludedArguments(&arguments);
+  arguments.context = context;
+  rtcOccluded1(scene, &ray, &arguments);
+#else
+  rtcOccluded1(scene, context, &ray);
+#endif
+  context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return ray.tfar < 0;
 }
 
 }  // namespace metrofarm::embree

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "geometry/analytic.h"
+#include "geometry/hull.h"
 #include "geometry/placements.h"
 
 namespace metrofarm::geometry {
@@ -28,7 +29,9 @@ double triangle_area(const std::vector<float>& positions, const int32_t* corners
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-Bounds nothing() {
+}  // namespace
+
+Bounds no_bounds() {
   return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
 }
 
@@ -37,16 +40,14 @@ void include(Bounds& bounds, int axis, float low, float high) {
   bounds.upper[axis] = std::max(bounds.upper[axis], high);
 }
 
-// The box around a box under the instance's transform (Arvo 1990, "Transforming Axis-Aligned
-// Bounding Boxes").
-void include_instance(Bounds& bounds, const Bounds& group, const float* to_world) {
+void include_mapped(Bounds& bounds, const Bounds& box, const float* map) {
   for (int k = 0; k < 3; ++k) {
-    const float* row = to_world + size_t{4} * k;
+    const float* row = map + size_t{4} * k;
     double low = row[3];
     double high = row[3];
     for (int j = 0; j < 3; ++j) {
-      const double a = double(row[j]) * group.lower[j];
-      const double b = double(row[j]) * group.upper[j];
+      const double a = double(row[j]) * box.lower[j];
+      const double b = double(row[j]) * box.upper[j];
       low += std::min(a, b);
       high += std::max(a, b);
     }
@@ -55,36 +56,8 @@ void include_instance(Bounds& bounds, const Bounds& group, const float* to_world
   }
 }
 
-// Poses at and between the steps, and as much around them as an arc can leave their boxes: what is
-// turned by the half angle a from one pose to the next one looked at lies within its chord's
-// sagitta, reach (1 - cos a), of both boxes' hull.
-void include_moving(Bounds& bounds, const Bounds& group, const Placements& placements, size_t i) {
-  constexpr int kPerStep = 4;
-  const int samples = kPerStep * (placements.step_count(i) - 1);
-  const motion::StepPose* steps = placements.steps(i);
-  double sagitta = 0;
-  double corner = 0;
-  for (int k = 0; k < 3; ++k)
-    corner = std::hypot(corner, std::max(std::fabs(group.lower[k]), std::fabs(group.upper[k])));
-  for (int s = 0; s < placements.step_count(i); ++s) {
-    double stretch = 0;
-    for (int k = 0; k < 6; ++k) stretch += std::fabs(steps[s].form[k]);
-    sagitta = std::max(sagitta,
-                       stretch * corner * (1 - std::cos(double(steps[s].half_angle) / kPerStep)));
-  }
-  Bounds swept = nothing();
-  for (int s = 0; s <= samples; ++s) {
-    const float time = static_cast<float>(s) / static_cast<float>(samples);
-    include_instance(swept, group, placements.matrix_at(i, time).data());
-  }
-  const auto slack = static_cast<float>(sagitta);
-  for (int k = 0; k < 3; ++k) include(bounds, k, swept.lower[k] - slack, swept.upper[k] + slack);
-}
-
-}  // namespace
-
 Bounds bounds_of(const Primitives& p, const PrimitiveRange& range) {
-  Bounds bounds = nothing();
+  Bounds bounds = no_bounds();
   const int32_t* indices = p.indices.data() + 3 * size_t(range.first_triangle);
   for (size_t i = 0; i < 3 * size_t(range.triangle_count); ++i) {
     const float* v = &p.positions[3 * size_t(indices[i])];
@@ -128,15 +101,19 @@ double largest_area_of(const DeformingMesh& mesh, size_t triangle) {
 
 Bounds bounds_of(const Primitives& p, const Placements& placements) {
   Bounds bounds = bounds_of(p, p.world);
+  const auto add = [&](const Bounds& box) {
+    for (int k = 0; k < 3; ++k) include(bounds, k, box.lower[k], box.upper[k]);
+  };
   std::vector<Bounds> groups;
   for (const PrimitiveRange& group : p.groups) groups.push_back(bounds_of(p, group));
   for (size_t i = 0; i < p.instances.size(); ++i) {
     const auto group = static_cast<size_t>(p.instances[i].group);
     if (p.groups[group].empty()) continue;
     if (placements.moves(i)) {
-      include_moving(bounds, groups[group], placements, i);
+      const Hull hull(p, p.groups[group]);
+      for (const Bounds& box : boxes_over_time(hull, placements, i)) add(box);
     } else {
-      include_instance(bounds, groups[group], placements.matrix(i));
+      include_mapped(bounds, groups[group], placements.matrix(i));
     }
   }
   return bounds;

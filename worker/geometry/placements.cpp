@@ -57,15 +57,12 @@ bool keeps_angles(const scene::Linear& m) {
   return true;
 }
 
-scene::Matrix matrix_of(const motion::LanePose& pose) {
+scene::Matrix matrix_of(const motion::Pose& pose) {
   scene::Matrix m = {};
-  const auto set = [&](int column, const Vec3& v) {
-    m[column] = lane_value(v.x, 0);
-    m[4 + column] = lane_value(v.y, 0);
-    m[8 + column] = lane_value(v.z, 0);
-  };
-  for (int k = 0; k < 3; ++k) set(k, pose.column[k]);
-  set(3, pose.offset);
+  for (size_t r = 0; r < 3; ++r) {
+    for (size_t c = 0; c < 3; ++c) m[4 * r + c] = pose.linear[3 * c + r];
+    m[4 * r + 3] = pose.offset[r];
+  }
   m[15] = 1;
   return m;
 }
@@ -136,10 +133,11 @@ void Placements::add_moving(const scene::Matrix& inner, const motion::Track& tra
   // Between steps too: a shear may be at its worst there.
   OffsetTerms most;
   bool keeps = true;
-  const int samples = 4 * (poses_.step_count(static_cast<size_t>(number)) - 1);
+  const int segments = poses_.step_count(static_cast<size_t>(number)) - 1;
+  const int samples = 4 * segments * poses_.parts(static_cast<size_t>(number));
   for (int i = 0; i <= samples; ++i) {
     const float time = static_cast<float>(i) / static_cast<float>(samples);
-    const scene::Matrix m = matrix_of(poses_.at(Int(number), Float(time), all_lanes()));
+    const scene::Matrix m = matrix_of(poses_.pose(static_cast<size_t>(number), time));
     const OffsetTerms offset = offset_terms(m);
     most.factor = std::max(most.factor, offset.factor);
     most.shift = std::max(most.shift, offset.shift);
@@ -179,11 +177,20 @@ Carrier Placements::at(Int instance, Float time, Mask lanes) const {
   return carrier;
 }
 
+bool Placements::stays(size_t instance) const {
+  constexpr float kIdentity[] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  return !moves(instance) &&
+         std::equal(std::begin(kIdentity), std::end(kIdentity), matrix(instance));
+}
+
 std::array<float, 12> Placements::matrix_at(size_t instance, float time) const {
-  const Carrier carrier = at(Int(static_cast<int32_t>(instance)), Float(time), all_lanes());
-  const scene::Matrix m = matrix_of(carrier.pose);
   std::array<float, 12> out;
-  for (int i = 0; i < 12; ++i) out[i] = static_cast<float>(m[i]);
+  if (moves(instance)) {
+    const scene::Matrix m = matrix_of(pose(instance, time));
+    for (size_t i = 0; i < out.size(); ++i) out[i] = static_cast<float>(m[i]);
+  } else {
+    std::copy_n(matrix(instance), out.size(), out.begin());
+  }
   return out;
 }
 

@@ -32,6 +32,8 @@ class Placements {
   size_t count() const { return moving_.size(); }
   // Whether time matters: something is not the same all the time.
   bool anything_moves() const { return poses_.count() > 0 || deformations_.anything_moves(); }
+  // How many instances move.
+  size_t moving_count() const { return poses_.count(); }
   const Deformations& deformations() const { return deformations_; }
 
   // Requires: the lanes have an instance.
@@ -39,17 +41,21 @@ class Placements {
 
   // ---- of one instance ----
   bool moves(size_t instance) const { return moving_[instance] >= 0; }
+  // Whether the group's space is the world's.
+  bool stays(size_t instance) const;
+  // Requires: it moves. time: in [0, 1].
+  motion::Pose pose(size_t instance, float time) const {
+    return poses_.pose(static_cast<size_t>(moving_[instance]), time);
+  }
   // Requires: it does not move. 3 x 4, row major.
   const float* matrix(size_t instance) const { return &fixed_[instance * kStride]; }
-  // Requires: it moves. At equal distances over the interval.
-  const motion::StepPose* steps(size_t instance) const {
-    return poses_.steps(static_cast<size_t>(moving_[instance]));
-  }
-  bool has_arcs(size_t instance) const {
-    return poses_.has_arcs(static_cast<size_t>(moving_[instance]));
-  }
   int step_count(size_t instance) const {
     return poses_.step_count(static_cast<size_t>(moving_[instance]));
+  }
+  // See motion::PoseTable. Requires: it moves.
+  int parts(size_t instance) const { return poses_.parts(static_cast<size_t>(moving_[instance])); }
+  double bulge(size_t instance, int segment, int parts, double reach) const {
+    return poses_.bulge(static_cast<size_t>(moving_[instance]), segment, parts, reach);
   }
   // How far from its track the steps take it at worst, relative to its size.
   double deviation(size_t instance) const {

@@ -121,5 +121,11 @@ struct Bounds {
 };
 // In the group's space; lower > upper if there is nothing.
 Bounds bounds_of(const Primitives& primitives, const PrimitiveRange& range);
+// Around nothing.
+Bounds no_bounds();
+void include(Bounds& bounds, int axis, float low, float high);
+// The box around a box under an affine map, 3 x 4, row major (Arvo 1990, "Transforming Axis-Aligned
+// Bounding Boxes").
+void include_mapped(Bounds& bounds, const Bounds& box, const float* map);
 
 }  // namespace metrofarm::geometry

@@ -5,39 +5,40 @@
 #include <deque>
 #include <limits>
 #include <new>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/check.h"
 #include "geometry/analytic.h"
 #include "geometry/embree.h"
+#include "geometry/moving_instance.h"
 
 namespace metrofarm::geometry {
 namespace {
 
-// Ids of geometries in every scene; in the world's scene, instances follow.
-constexpr unsigned kTriangleGeometry = 0;
-constexpr unsigned kAnalyticGeometry = 1;
-constexpr unsigned kFirstInstance = 2;
+// Embree looks at no box of a root that is a leaf: every ray would be tested against the only shape
+// of a tree. Where that costs, such a tree has this one more, a corner of the shape's box.
+constexpr unsigned kWithCorner = 2;
 
 // What the callbacks of one scene's analytic shapes know.
 struct AnalyticRange {
   const Primitives& primitives;
   uint32_t first;
+  uint32_t count;
+
+  uint32_t index_of(unsigned primitive) const { return std::min(primitive, count - 1); }
 };
 
 const AnalyticRange& range_of(void* user_pointer) {
   return *static_cast<const AnalyticRange*>(user_pointer);
 }
 
-double intersect_analytic(const AnalyticRange& range, uint32_t index, const RaySegment& ray) {
-  return intersect_analytic(range.primitives, range.first + index, ray);
-}
-
 void analytic_bounds(const RTCBoundsFunctionArguments* args) {
   const AnalyticRange& range = range_of(args->geometryUserPtr);
-  const Bounds b = bounds_of_analytic(range.primitives, range.first + args->primID);
-  *args->bounds_o = {b.lower[0], b.lower[1], b.lower[2], 0, b.upper[0], b.upper[1], b.upper[2], 0};
+  const Bounds b = bounds_of_analytic(range.primitives, range.first + range.index_of(args->primID));
+  const float* upper = args->primID < range.count ? b.upper : b.lower;
+  *args->bounds_o = {b.lower[0], b.lower[1], b.lower[2], 0, upper[0], upper[1], upper[2], 0};
 }
 
 RaySegment segment_of(RTCRayN* rays, unsigned n, unsigned i) {
@@ -49,16 +50,18 @@ RaySegment segment_of(RTCRayN* rays, unsigned n, unsigned i) {
 
 void analytic_intersect(const RTCIntersectFunctionNArguments* args) {
   const AnalyticRange& range = range_of(args->geometryUserPtr);
+  const uint32_t index = range.index_of(args->primID);
   RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
   RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const double t = intersect_analytic(range, args->primID, segment_of(rays, args->N, i));
+    const double t =
+        intersect_analytic(range.primitives, range.first + index, segment_of(rays, args->N, i));
     if (t < 0) continue;
     RTCRayN_tfar(rays, args->N, i) = static_cast<float>(t);
     RTCHitN_u(hits, args->N, i) = 0;
     RTCHitN_v(hits, args->N, i) = 0;
-    RTCHitN_primID(hits, args->N, i) = args->primID;
+    RTCHitN_primID(hits, args->N, i) = index;
     RTCHitN_geomID(hits, args->N, i) = args->geomID;
     RTCHitN_instID(hits, args->N, i, 0) = args->context->instID[0];
   }
@@ -66,9 +69,10 @@ void analytic_intersect(const RTCIntersectFunctionNArguments* args) {
 
 void analytic_occluded(const RTCOccludedFunctionNArguments* args) {
   const AnalyticRange& range = range_of(args->geometryUserPtr);
+  const uint32_t index = range.first + range.index_of(args->primID);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const double t = intersect_analytic(range, args->primID, segment_of(args->ray, args->N, i));
+    const double t = intersect_analytic(range.primitives, index, segment_of(args->ray, args->N, i));
     if (t >= 0) RTCRayN_tfar(args->ray, args->N, i) = -std::numeric_limits<float>::infinity();
   }
 }
@@ -120,7 +124,8 @@ struct Tracer::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
   std::vector<RTCScene> groups;           // null where no instance shows the group
-  std::deque<AnalyticRange> ranges = {};  // Embree keeps pointers to them
+  std::deque<AnalyticRange> ranges = {};  // Embree keeps pointers to them and to these:
+  std::deque<MovingInstance> moving = {};
   Int analytic_offset = Int(0);
   // Number of the first triangle and of the first analytic shape that each instance shows.
   std::vector<int32_t> first_triangle = {}, first_analytic = {};
@@ -153,6 +158,7 @@ struct Tracer::Impl {
     add_range(scene, primitives.world);
     add_instances();
     commit(scene);
+    for (MovingInstance& instance : moving) instance.forget_boxes();
   }
 
   void commit(RTCScene built) const {
@@ -164,7 +170,7 @@ struct Tracer::Impl {
 
   void add_range(RTCScene to, const PrimitiveRange& range) {
     if (range.deforming >= 0) {
-      add_deforming(to, static_cast<size_t>(range.deforming));
+      add_deforming(to, static_cast<size_t>(range.deforming), kTriangleGeometry);
     } else if (range.triangle_count > 0) {
       add_triangles(to, range);
     }
@@ -185,7 +191,7 @@ struct Tracer::Impl {
     attach(to, geometry, kTriangleGeometry);
   }
 
-  void add_deforming(RTCScene to, size_t number) {
+  void add_deforming(RTCScene to, size_t number, unsigned id) {
     const Deformations& deformations = placements.deformations();
     const DeformingMesh& mesh = primitives.deforming[number];
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -199,13 +205,16 @@ struct Tracer::Impl {
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                mesh.indices.data(), 0, 3 * sizeof(int32_t),
                                mesh.indices.size() / 3);
-    attach(to, geometry, kTriangleGeometry);
+    attach(to, geometry, id);
   }
 
   void add_analytic(RTCScene to, const PrimitiveRange& range) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(range.analytic_count));
-    ranges.push_back({primitives, static_cast<uint32_t>(range.first_analytic)});
+    const auto count = static_cast<unsigned>(range.analytic_count);
+    // What a group shows is met through the box of its instance.
+    const bool alone = count == 1 && to == scene;
+    rtcSetGeometryUserPrimitiveCount(geometry, alone ? kWithCorner : count);
+    ranges.push_back({primitives, static_cast<uint32_t>(range.first_analytic), count});
     rtcSetGeometryUserData(geometry, &ranges.back());
     rtcSetGeometryBoundsFunction(
         geometry, [](const RTCBoundsFunctionArguments* a) { analytic_bounds(a); }, nullptr);
@@ -217,42 +226,43 @@ struct Tracer::Impl {
   void add_instances() {
     const Primitives& p = primitives;
     groups.resize(p.groups.size(), nullptr);
+    std::vector<std::optional<Hull>> hulls(p.groups.size());
     for (size_t i = 0; i < p.instances.size(); ++i) {
       const auto group = static_cast<size_t>(p.instances[i].group);
       const PrimitiveRange& range = p.groups[group];
       first_triangle.push_back(range.first_triangle);
       first_analytic.push_back(p.triangle_count + range.first_analytic);
       if (range.empty()) continue;
+      if (range.deforming >= 0 && placements.stays(i)) {
+        add_deforming(scene, static_cast<size_t>(range.deforming), id_of(i));
+        continue;
+      }
       if (groups[group] == nullptr) {
         groups[group] = rtcNewScene(device);
         add_range(groups[group], range);
         commit(groups[group]);
       }
-      RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
-      rtcSetGeometryInstancedScene(geometry, groups[group]);
-      place(geometry, i);
-      attach(scene, geometry, kFirstInstance + static_cast<unsigned>(i));
+      if (placements.moves(i) && !hulls[group]) hulls[group].emplace(p, range);
+      add_instance(i, groups[group], hulls[group]);
     }
   }
 
-  void place(RTCGeometry geometry, size_t instance) const {
-    if (!placements.moves(instance)) {
-      return rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
-                                     placements.matrix(instance));
+  void add_instance(size_t instance, RTCScene group, const std::optional<Hull>& hull) {
+    const unsigned id = id_of(instance);
+    if (placements.moves(instance)) {
+      moving.emplace_back(primitives, placements, instance, id, group);
+      return attach(scene, moving.back().geometry(device, *hull, placements.moving_count() == 1),
+                    id);
     }
-    const int steps = placements.step_count(instance);
-    rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(steps));
-    for (int i = 0; i < steps; ++i) {
-      const motion::StepPose& pose = placements.steps(instance)[i];
-      if (placements.has_arcs(instance)) {
-        const RTCQuaternionDecomposition step = embree::quaternion_decomposition(pose);
-        rtcSetGeometryTransformQuaternion(geometry, static_cast<unsigned>(i), &step);
-      } else {
-        const std::array<float, 12> columns = embree::matrix_columns(pose);
-        rtcSetGeometryTransform(geometry, static_cast<unsigned>(i),
-                                RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns.data());
-      }
-    }
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(geometry, group);
+    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
+                            placements.matrix(instance));
+    attach(scene, geometry, id);
+  }
+
+  static unsigned id_of(size_t instance) {
+    return kFirstInstance + static_cast<unsigned>(instance);
   }
 
   static void attach(RTCScene to, RTCGeometry geometry, unsigned id) {
@@ -261,12 +271,14 @@ struct Tracer::Impl {
     rtcReleaseGeometry(geometry);
   }
 
-  // From numbers within what an instance shows to numbers of primitives.
-  void resolve_instances(Int reported, Mask analytic, RayHits& hits) const {
+  // From numbers within what an instance shows to numbers of primitives. What deforms in its place
+  // has an instance's id as geometry.
+  void resolve_instances(Int reported, Int geometry, Mask analytic, RayHits& hits) const {
+    const Int first(static_cast<int32_t>(kFirstInstance));
+    reported = select(hits.hit & ~less(geometry, first), geometry, reported);
     const Mask instanced = hits.hit & ~equal(reported, Int(-1));
     if (none(instanced)) return;
-    hits.instance =
-        select(instanced, reported - Int(static_cast<int32_t>(kFirstInstance)), hits.instance);
+    hits.instance = select(instanced, reported - first, hits.instance);
     // The numbers that the world's scene has for them are off by the difference of the starts.
     const Int triangles = gather(first_triangle.data(), hits.instance, instanced & ~analytic);
     const Int shapes = gather(first_analytic.data(), hits.instance, instanced & analytic);
@@ -307,7 +319,8 @@ RayHits Tracer::intersect(Mask active, const Vec3& origin, const Vec3& direction
   hits.instance = Int(-1);
   hits.time = time;
   if (!impl_->first_triangle.empty())
-    impl_->resolve_instances(Int(_mm256_load_si256(at(rays.hit.instID[0]))), analytic, hits);
+    impl_->resolve_instances(Int(_mm256_load_si256(at(rays.hit.instID[0]))), geometry, analytic,
+                             hits);
   return hits;
 }
 

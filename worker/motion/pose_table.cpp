@@ -184,11 +184,11 @@ constexpr int kSegments[] = {1,  2,  3,  4,  5,  6,  7,   8,   9,   10,  11,  12
                              31, 32, 35, 36, 40, 42, 45,  48,  50,  54,  56,  60,  63,  64, 70,
                              72, 80, 84, 90, 96, 99, 100, 108, 112, 120, 125, 126, 127, 128};
 
-// Rays meet linear matrices in less time, up to about this many.
+// Matrices take less time than arcs; beyond this many they are not worth their memory.
 constexpr int kMostStraight = 32;
-// Embree goes along arcs faster than accurately where a step turns by much.
-constexpr double kLargestHalfAngle = 0.06;  // 7 degrees
 constexpr double kTolerance = 1e-4;
+// A half angle that rounding may leave.
+constexpr double kNoTurn = 1e-6;
 
 double largest_half_angle(const std::vector<Step>& steps) {
   double largest = 0;
@@ -225,11 +225,12 @@ Steps fewest_steps(const Sampled& motion) {
     const double deviation = motion.deviation(steps, true, std::max(least, kTolerance));
     if (deviation >= least && deviation > kTolerance && !best.empty()) continue;
     least = std::min(least, deviation);
-    const bool smooth = largest_half_angle(steps) <= kLargestHalfAngle;
     best = std::move(steps);
-    if (deviation <= kTolerance && smooth) break;
+    if (deviation <= kTolerance) break;
   }
-  return {std::move(best), true, least};
+  // What does not turn is linear in between in both forms.
+  const bool arcs = largest_half_angle(best) > kNoTurn;
+  return {std::move(best), arcs, least};
 }
 
 StepPose rounded(const Step& s, const Step& next, bool arcs) {
@@ -246,55 +247,81 @@ StepPose rounded(const Step& s, const Step& next, bool arcs) {
   set(p.form[5], s.upper[5]);
   for (int k = 0; k < 4; ++k) set(p.form[6 + k], s.rotation[k]);
   const double angle = half_angle_between(s.rotation, next.rotation);
-  if (angle > 1e-6) {
+  if (angle > kNoTurn) {
     set(p.half_angle, angle);
     set(p.per_sine, 1 / std::sin(angle));
   }
   return p;
 }
 
+float select(bool which, float a, float b) {
+  return which ? a : b;
+}
+
+// Numbers are floats or Floats, a row is a table's row and the next one.
+
 // sin x for 0 <= x <= pi / 2, by its series.
-Float sine(Float x) {
-  const Float x2 = x * x;
-  Float sum(-1.F / 39916800);
-  for (float c : {1.F / 362880, -1.F / 5040, 1.F / 120, -1.F / 6, 1.F}) sum = sum * x2 + Float(c);
+template <class Number>
+Number sine(Number x) {
+  const Number x2 = x * x;
+  Number sum(-1.F / 39916800);
+  for (float c : {1.F / 362880, -1.F / 5040, 1.F / 120, -1.F / 6, 1.F}) sum = sum * x2 + Number(c);
   return sum * x;
 }
 
-// A row and the next, and how far lanes are from the one to the other.
-struct RowPair {
+// In lanes.
+struct LaneRows {
   const float* table;
   Int base;
-  Float s, t;  // 1 - t
   Mask lanes;
 
   Float here(int k) const { return gather(table + k, base, lanes); }
   Float next(int k) const { return gather(table + kStepStride + k, base, lanes); }
-  Float mixed(int k) const { return here(k) * s + next(k) * t; }
-  Vec3 mixed3(int k) const { return {mixed(k), mixed(k + 1), mixed(k + 2)}; }
+};
+
+struct OneRow {
+  const float* row;
+
+  float here(int k) const { return row[k]; }
+  float next(int k) const { return row[kStepStride + k]; }
+};
+
+// How far it is from the row to the next.
+template <class Number>
+struct Share {
+  Number s, t;  // 1 - t
 };
 
 constexpr int kOffset = 10, kHalfAngle = 13, kPerSine = 14;  // columns of a row
 
-void set_linear(const RowPair& row, LanePose& pose) {
-  for (int k = 0; k < 3; ++k) pose.column[k] = row.mixed3(3 * k);
+// Values one after the other in rows, linear in between.
+template <class Number, class Row>
+void mix(const Row& row, Share<Number> at, int first, int count, Number* out) {
+  for (int k = 0; k < count; ++k) out[k] = row.here(first + k) * at.s + row.next(first + k) * at.t;
 }
 
-void set_turned(const RowPair& row, LanePose& pose) {
-  const Float per_sine = row.here(kPerSine), angle = row.here(kHalfAngle);
-  const Mask turns = per_sine != Float(0.F);
-  const Float ws = select(turns, sine(row.s * angle) * per_sine, row.s);
-  const Float wt = select(turns, sine(row.t * angle) * per_sine, row.t);
-  const auto turned = [&](int k) { return row.here(k) * ws + row.next(k) * wt; };
-  const Float x = turned(6), y = turned(7), z = turned(8), w = turned(9);
-  const Float two = Float(2.F) / (x * x + y * y + z * z + w * w);
-  const Float one(1.F);
-  const Vec3 r0 = {one - two * (y * y + z * z), two * (x * y + w * z), two * (x * z - w * y)};
-  const Vec3 r1 = {two * (x * y - w * z), one - two * (x * x + z * z), two * (y * z + w * x)};
-  const Vec3 r2 = {two * (x * z + w * y), two * (y * z - w * x), one - two * (x * x + y * y)};
-  pose.column[0] = r0 * row.mixed(0);
-  pose.column[1] = r0 * row.mixed(3) + r1 * row.mixed(1);
-  pose.column[2] = r0 * row.mixed(4) + r1 * row.mixed(5) + r2 * row.mixed(2);
+// The columns of T R S's linear part.
+template <class Number, class Row>
+void turn(const Row& row, Share<Number> at, Number linear[9]) {
+  const Number per_sine = row.here(kPerSine), angle = row.here(kHalfAngle);
+  const auto turns = per_sine != Number(0.F);
+  const Number ws = select(turns, sine(at.s * angle) * per_sine, at.s);
+  const Number wt = select(turns, sine(at.t * angle) * per_sine, at.t);
+  Number q[4], upper[6];
+  for (int k = 0; k < 4; ++k) q[k] = row.here(6 + k) * ws + row.next(6 + k) * wt;
+  mix(row, at, 0, 6, upper);
+  const auto& [x, y, z, w] = q;
+  const Number two = Number(2.F) / (x * x + y * y + z * z + w * w);
+  const Number one(1.F);
+  const Number r[3][3] = {
+      {one - two * (y * y + z * z), two * (x * y + w * z), two * (x * z - w * y)},
+      {two * (x * y - w * z), one - two * (x * x + z * z), two * (y * z + w * x)},
+      {two * (x * z + w * y), two * (y * z - w * x), one - two * (x * x + y * y)}};
+  for (int k = 0; k < 3; ++k) {
+    linear[k] = r[0][k] * upper[0];
+    linear[3 + k] = r[0][k] * upper[3] + r[1][k] * upper[1];
+    linear[6 + k] = r[0][k] * upper[4] + r[1][k] * upper[5] + r[2][k] * upper[2];
+  }
 }
 
 }  // namespace
@@ -328,22 +355,65 @@ LanePose PoseTable::at(Int number, Float time, Mask lanes) const {
   const Float place = time * to_float(segments);
   const Int segment = xsimd::min(truncate(place), segments - Int(1));
   const Float t = place - to_float(segment);
-  const RowPair row = {reinterpret_cast<const float*>(rows_.data()),
-                       (first + segment) * Int(kStepStride), Float(1.F) - t, t, lanes};
-  LanePose pose;
-  pose.offset = row.mixed3(kOffset);
+  const Share<Float> share = {Float(1.F) - t, t};
+  const LaneRows row = {reinterpret_cast<const float*>(rows_.data()),
+                        (first + segment) * Int(kStepStride), lanes};
+  Float linear[9], offset[3];
+  mix(row, share, kOffset, 3, offset);
   if (!any_arcs_) {
-    set_linear(row, pose);
-  } else if (!any_straight_) {
-    set_turned(row, pose);
+    mix(row, share, 0, 9, linear);
   } else {
-    const Mask arcs = equal(gather(arcs_.data(), number, lanes), Int(1));
-    LanePose turned;
-    set_linear(row, pose);
-    set_turned(row, turned);
-    for (int k = 0; k < 3; ++k) pose.column[k] = select(arcs, turned.column[k], pose.column[k]);
+    turn(row, share, linear);
+    if (any_straight_) {
+      const Mask arcs = equal(gather(arcs_.data(), number, lanes), Int(1));
+      Float straight[9];
+      mix(row, share, 0, 9, straight);
+      for (int k = 0; k < 9; ++k) linear[k] = select(arcs, linear[k], straight[k]);
+    }
   }
+  const auto vector = [](const Float v[3]) { return Vec3{v[0], v[1], v[2]}; };
+  return {{vector(linear), vector(linear + 3), vector(linear + 6)}, vector(offset)};
+}
+
+Pose PoseTable::pose(size_t number, float time) const {
+  const int first = first_[number];
+  const int segments = last_[number] - first;
+  const float place = time * static_cast<float>(segments);
+  const int segment = std::min(static_cast<int>(place), segments - 1);
+  const float t = place - static_cast<float>(segment);
+  const Share<float> share = {1 - t, t};
+  const OneRow row = {rows_[static_cast<size_t>(first) + static_cast<size_t>(segment)].form};
+  Pose pose;
+  if (arcs_[number] != 0) {
+    turn(row, share, pose.linear);
+  } else {
+    mix(row, share, 0, 9, pose.linear);
+  }
+  mix(row, share, kOffset, 3, pose.offset);
   return pose;
+}
+
+int PoseTable::parts(size_t number) const {
+  constexpr double kLargest = 0.06;  // 7 degrees of rotation
+  double largest = 0;
+  for (int i = first_[number]; i < last_[number]; ++i)
+    largest = std::max(largest, double(rows_[static_cast<size_t>(i)].half_angle));
+  return std::max(1, static_cast<int>(std::ceil(largest / kLargest)));
+}
+
+// Half of the largest acceleration over a quarter of the time: of R q, where R turns at constant
+// speed and q is linear, that is at most w^2 |q| + 2 w |q'|.
+double PoseTable::bulge(size_t number, int segment, int parts, double reach) const {
+  const StepPose* step = &rows_[static_cast<size_t>(first_[number]) + static_cast<size_t>(segment)];
+  if (arcs_[number] == 0) return 0;
+  double stretch = 0, change = 0;
+  for (int k = 0; k < 6; ++k) {
+    const double here = step[0].form[k], next = step[1].form[k];
+    stretch = std::hypot(stretch, std::max(std::fabs(here), std::fabs(next)));
+    change = std::hypot(change, next - here);
+  }
+  const double angle = 2 * static_cast<double>(step[0].half_angle);
+  return (angle * angle * stretch + 2 * angle * change) * reach / (8.0 * parts * parts);
 }
 
 LaneInverse inverse_of(const LanePose& pose) {

@@ -1,10 +1,9 @@
 // Poses of what moves while a shutter is open, for eight lanes at times of their own.
 //
 // Each motion is kept as poses at equal distances in time, from the interval's begin to its end, in
-// one of two forms that Embree takes too: matrices, linear in between, where few of them follow the
-// motion; else T R S with a quaternion R and an upper triangular S, where R goes along the arc and
-// the rest is linear. Between steps a pose is defined as Embree has it, so that shading finds
-// surfaces where rays have met them.
+// one of two forms: matrices, linear in between, where few of them follow the motion; else T R S
+// with a quaternion R and an upper triangular S, where R goes along the arc and the rest is linear.
+// Rays and shading know nothing but these, so that surfaces are shaded where rays have met them.
 #pragma once
 
 #include <cstdint>
@@ -33,6 +32,12 @@ struct LaneInverse {
   Vec3 normal(const Vec3& n) const { return row[0] * n.x + row[1] * n.y + row[2] * n.z; }
 };
 LaneInverse inverse_of(const LanePose& pose);
+
+// A map to the world.
+struct Pose {
+  float linear[9];  // the columns of its linear part, one after the other
+  float offset[3];
+};
 
 // A pose as the table has it.
 struct StepPose {
@@ -63,8 +68,13 @@ class PoseTable {
   const Interval& interval() const { return interval_; }
   // time: in [0, 1], from the interval's begin to its end. Requires: number < count() in lanes.
   LanePose at(Int number, Float time, Mask lanes) const;
-  bool has_arcs(size_t number) const { return arcs_[number] != 0; }
-  const StepPose* steps(size_t number) const { return &rows_[static_cast<size_t>(first_[number])]; }
+  // The same for one of them.
+  Pose pose(size_t number, float time) const;
+  // Into how many parts each way from step to step is cut so that all of them are nearly straight.
+  int parts(size_t number) const;
+  // How far a point gets from the straight line between where it is at both ends of such a part, at
+  // most. segment: the first of the steps. reach: of the point, in the space of what moves.
+  double bulge(size_t number, int segment, int parts, double reach) const;
   int step_count(size_t number) const { return last_[number] - first_[number] + 1; }
   // How far from the track the steps are at worst, as far as has been looked; relative, see add().
   double deviation(size_t number) const { return deviation_[number]; }

@@ -75,7 +75,7 @@ struct FarmClient::Impl {
   mutable std::mutex mutex = {};  // guards what follows
   std::string worker_id = {};
   std::string coordinator_id = {};
-  double heartbeat_seconds = 3;
+  double heartbeat_seconds = 0.1;  // until the coordinator says how many: to be told soon
   Clock::time_point last_answer = Clock::now();
   bool away = true;
 

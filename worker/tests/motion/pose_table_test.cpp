@@ -78,6 +78,58 @@ TEST(PoseTable, FollowsTheTrack) {
   }
 }
 
+// Rays are carried by pose(), surfaces by at().
+TEST(PoseTable, OneAtATimeIsTheSame) {
+  for (const Case& c : cases()) {
+    PoseTable table(c.interval);
+    table.add(Track({{turn_key(0, {1, 0, 0}, 0), turn_key(1, {0, 1, 0}, 300)}}), kIdentity, 1, 1);
+    const int32_t number = table.add(Track(c.motion), kIdentity, 1, 1);
+    UniformLanes random(2);
+    for (int i = 0; i < 50; ++i) {
+      const Float time = i == 0 ? Float(0.F) : i == 1 ? Float(1.F) : random.next();
+      const LanePose lanes = table.at(Int(number), time, all_lanes());
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const Pose one = table.pose(static_cast<size_t>(number), lane_value(time, lane));
+        const Matrix m = lane_matrix(lanes, lane);
+        for (int r = 0; r < 3; ++r) {
+          for (int k = 0; k < 3; ++k) EXPECT_NEAR(one.linear[3 * k + r], m[4 * r + k], 1e-6);
+          EXPECT_NEAR(one.offset[r], m[4 * r + 3], 1e-6);
+        }
+      }
+    }
+  }
+}
+
+// Points within reach stay within the bulge of the line between both ends of a part.
+TEST(PoseTable, BulgesHoldWhatTurns) {
+  for (const Case& c : cases()) {
+    PoseTable table(c.interval);
+    table.add(Track(c.motion), kIdentity, 1, 1);
+    const int parts = table.parts(0), count = parts * (table.step_count(0) - 1);
+    const Point points[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-0.6, 0, 0.8}};
+    const auto place = [&](double share, const Point& p) {
+      const Pose m = table.pose(0, static_cast<float>(share));
+      Point out;
+      for (size_t r = 0; r < 3; ++r)
+        out[r] = m.linear[r] * p[0] + m.linear[3 + r] * p[1] + m.linear[6 + r] * p[2] + m.offset[r];
+      return out;
+    };
+    double least_room = 1e30;
+    for (int i = 0; i < count; ++i) {
+      const double bulge = table.bulge(0, i / parts, parts, 1);
+      for (const Point& p : points) {
+        const Point a = place(double(i) / count, p), b = place(double(i + 1) / count, p);
+        const Point half = place((i + 0.5) / count, p);
+        double apart = 0;
+        for (size_t k = 0; k < 3; ++k) apart = std::hypot(apart, half[k] - (a[k] + b[k]) / 2);
+        EXPECT_LE(apart, bulge + 1e-6) << c.name;
+        least_room = std::min(least_room, bulge - apart);
+      }
+    }
+    EXPECT_LT(least_room, 0.01) << c.name << ": not much more than it takes";
+  }
+}
+
 TEST(PoseTable, FewStepsWhereFewWillDo) {
   PoseTable table({0, 1});
   table.add(Track({{{0, kIdentity}, {1, translated(1, 0, 0)}}}), kIdentity, 1, 1);
@@ -86,6 +138,9 @@ TEST(PoseTable, FewStepsWhereFewWillDo) {
   for (int i = 0; i <= 31; ++i) even.keys.push_back({i / 31.0, translated(std::sin(i), 0, 0)});
   table.add(Track(even), kIdentity, 1, 1);
   EXPECT_LE(table.step_count(1), 129);
+  // At constant speed arcs are exact: a step for each eighth of a turn.
+  table.add(Track({{turn_key(0, {0, 1, 0}, 0), turn_key(1, {0, 1, 0}, 1080)}}), kIdentity, 1, 1);
+  EXPECT_LE(table.step_count(2), 25);
 }
 
 // What a camera or a light sees changes with where it is, however large the scene around it.
