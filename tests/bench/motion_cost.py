@@ -3,10 +3,11 @@
 
 usage: motion_cost.py [--repeat N] [--worker FILE]
 
-A room with 25 bumpy balls of 28,800 triangles each, as instances of one group, or each ball a
-mesh of its own. They stand; or they drift and turn, between 2 keys or through 32. Prints for each,
-beside standing still: time per ray of the whole path tracer and of the bare ray tracer on the same
-paths (CPU time, medians of N runs taken in turn), and the bytes that the scene holds.
+First a room with 25 bumpy balls of 28,800 triangles each, as instances of one group, or each ball a
+mesh of its own. They stand; or they drift and turn, between 2 keys or through 32. Then the small
+scenes of tests/scenes/motion, beside themselves posed by hand at 0.4 s. Prints for each, beside
+standing still: time per ray of the whole path tracer and of the bare ray tracer on the same paths
+(CPU time, medians of N runs taken in turn), and the bytes that the scene holds.
 Sources: `metrofarm-worker bench`, which says what its figures are.
 """
 
@@ -15,10 +16,18 @@ import json
 import math
 import statistics
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tests" / "agreement"))
+
+from poses import write_posed  # noqa: E402
+
+SCENES = ROOT / "tests" / "scenes" / "motion"
+SMALL = ("car", "ball", "light", "camera", "caustic", "curves", "cloth")
+POSED_AT = 0.4
 ACROSS, DOWN = 240, 60
 SIDE = 5
 SPACING = 2.5
@@ -98,8 +107,8 @@ def scene(keys: int, instanced: bool) -> str:
 </scene>"""
 
 
-def bench(worker: Path, path: Path) -> dict[str, float]:
-    command = [str(worker), "bench", str(path), "--integrator", "path", "--per-pixel", "4"]
+def bench(worker: Path, path: Path, *options: str) -> dict[str, float]:
+    command = [str(worker), "bench", str(path), "--integrator", "path", *options]
     figures: dict[str, float] = json.loads(subprocess.check_output(command))
     return {
         "path": figures["cpu_seconds"] / figures["rays"],
@@ -108,13 +117,37 @@ def bench(worker: Path, path: Path) -> dict[str, float]:
     }
 
 
+def compare(
+    scene_name: str, files: dict[str, Path], *options: str, worker: Path, repeat: int
+) -> None:
+    """A row of the table for each file, beside the first."""
+    runs: dict[str, list[dict[str, float]]] = {name: [] for name in files}
+    for _ in range(repeat):
+        for name, path in files.items():
+            runs[name].append(bench(worker, path, *options))
+    middle = {
+        name: {k: statistics.median(run[k] for run in of) for k in of[0]}
+        for name, of in runs.items()
+    }
+    still = next(iter(middle.values()))
+    for name, m in middle.items():
+        print(
+            f"| {scene_name} | {name} "
+            f"| {1e9 * m['path']:.0f} | {m['path'] / still['path']:.2f} "
+            f"| {1e9 * m['ray']:.0f} | {m['ray'] / still['ray']:.2f} "
+            f"| {m['bytes'] / 2**10:.0f} | {m['bytes'] / still['bytes']:.2f} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--worker", type=Path, default=ROOT / "bin" / "metrofarm-worker")
     options = parser.parse_args()
-    print("| balls | motion | ns per ray | | bare ns per ray | | MiB | |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    how = {"worker": options.worker, "repeat": options.repeat}
+    print("| scene | motion | ns per ray | | bare ns per ray | | KiB | |")
+    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         write_ball(folder / "ball.ply")
@@ -122,22 +155,13 @@ def main() -> None:
             files = {name: folder / f"{keys}-{instanced}.xml" for name, keys in VARIANTS.items()}
             for name, keys in VARIANTS.items():
                 files[name].write_text(scene(keys, instanced))
-            runs: dict[str, list[dict[str, float]]] = {name: [] for name in VARIANTS}
-            for _ in range(options.repeat):
-                for name in VARIANTS:
-                    runs[name].append(bench(options.worker, files[name]))
-            middle = {
-                name: {k: statistics.median(run[k] for run in of) for k in of[0]}
-                for name, of in runs.items()
-            }
-            still = middle["still"]
-            for name, m in middle.items():
-                print(
-                    f"| {'instances' if instanced else 'meshes'} | {name} "
-                    f"| {1e9 * m['path']:.0f} | {m['path'] / still['path']:.2f} "
-                    f"| {1e9 * m['ray']:.0f} | {m['ray'] / still['ray']:.2f} "
-                    f"| {m['bytes'] / 2**20:.1f} | {m['bytes'] / still['bytes']:.2f} |"
-                )
+            kind = "25 instances" if instanced else "25 meshes"
+            compare(kind, files, "--per-pixel", "4", **how)
+        size = ("--per-pixel", "32", "--width", "160", "--height", "120")
+        for small in SMALL:
+            moving = SCENES / f"{small}.xml"
+            files = {"still": write_posed(moving, POSED_AT, folder), "moves": moving}
+            compare(small, files, *size, **how)
 
 
 if __name__ == "__main__":

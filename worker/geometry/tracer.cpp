@@ -124,7 +124,7 @@ struct Tracer::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
   std::vector<RTCScene> groups;           // null where no instance shows the group
-  std::deque<AnalyticRange> ranges = {};  // Embree keeps pointers to them and to these:
+  std::deque<AnalyticRange> ranges = {};  // Embree keeps pointers to them, and to these:
   std::deque<MovingInstance> moving = {};
   Int analytic_offset = Int(0);
   // Number of the first triangle and of the first analytic shape that each instance shows.
