@@ -112,7 +112,7 @@ func TestALiarAmongThreeIsExcluded(t *testing.T) {
 func TestALiarAmongTwoPausesTheJob(t *testing.T) {
 	request := chainsRequest(30)
 	want := reference(t, request)
-	s := checking(t, 1, func(o *coordinator.Options) { o.CheckPatience = 2 * time.Second })
+	s := checking(t, 1, func(o *coordinator.Options) { o.CheckPatience = 5 * time.Second })
 	defer s.stop()
 	crew := workers(3, nil)
 	crew[0].Lie = 12345
