@@ -144,8 +144,12 @@ LightBounds AreaLights::bounds(int light) const {
 // Bounds of a light's own space wherever the instance takes them. They only guide the choice of
 // lights: a cone is carried by its axis, and poses between those looked at are left out.
 LightBounds AreaLights::swept(const LightBounds& own, size_t instance) const {
-  constexpr int kLooks = 64;
-  const int samples = placements_.moves(instance) ? kLooks : 0;
+  constexpr int kMost = 64;
+  int samples = 0;
+  if (placements_.moves(instance)) {
+    const int segments = placements_.step_count(instance) - 1;
+    samples = std::min(4 * segments * placements_.parts(instance), kMost);
+  }
   LightBounds all;
   for (int i = 0; i <= samples; ++i) {
     const float time = samples > 0 ? static_cast<float>(i) / static_cast<float>(samples) : 0.F;

@@ -40,18 +40,31 @@ void include(Bounds& bounds, int axis, float low, float high) {
   bounds.upper[axis] = std::max(bounds.upper[axis], high);
 }
 
+void include(Bounds& bounds, const Bounds& box) {
+  for (int k = 0; k < 3; ++k) include(bounds, k, box.lower[k], box.upper[k]);
+}
+
+double reach_of(const Bounds& box) {
+  double reach = 0;
+  for (int k = 0; k < 3; ++k)
+    reach = std::hypot(reach, std::max(std::fabs(box.lower[k]), std::fabs(box.upper[k])));
+  return reach;
+}
+
 void include_mapped(Bounds& bounds, const Bounds& box, const float* map) {
   for (int k = 0; k < 3; ++k) {
     const float* row = map + size_t{4} * k;
     double low = row[3];
     double high = row[3];
+    double terms = std::fabs(double(row[3]));
     for (int j = 0; j < 3; ++j) {
       const double a = double(row[j]) * box.lower[j];
       const double b = double(row[j]) * box.upper[j];
       low += std::min(a, b);
       high += std::max(a, b);
+      terms += std::max(std::fabs(a), std::fabs(b));
     }
-    const double slack = 1e-6 * std::max(std::fabs(low), std::fabs(high));
+    const double slack = 1e-6 * terms;  // rays are carried in single precision
     include(bounds, k, static_cast<float>(low - slack), static_cast<float>(high + slack));
   }
 }
@@ -70,8 +83,7 @@ Bounds bounds_of(const Primitives& p, const PrimitiveRange& range) {
     }
   }
   for (int32_t i = 0; i < range.analytic_count; ++i) {
-    const Bounds b = bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i));
-    for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);
+    include(bounds, bounds_of_analytic(p, static_cast<uint32_t>(range.first_analytic + i)));
   }
   return bounds;
 }
@@ -101,17 +113,14 @@ double largest_area_of(const DeformingMesh& mesh, size_t triangle) {
 
 Bounds bounds_of(const Primitives& p, const Placements& placements) {
   Bounds bounds = bounds_of(p, p.world);
-  const auto add = [&](const Bounds& box) {
-    for (int k = 0; k < 3; ++k) include(bounds, k, box.lower[k], box.upper[k]);
-  };
   std::vector<Bounds> groups;
   for (const PrimitiveRange& group : p.groups) groups.push_back(bounds_of(p, group));
   for (size_t i = 0; i < p.instances.size(); ++i) {
     const auto group = static_cast<size_t>(p.instances[i].group);
     if (p.groups[group].empty()) continue;
     if (placements.moves(i)) {
-      const Hull hull(p, p.groups[group]);
-      for (const Bounds& box : boxes_over_time(hull, placements, i)) add(box);
+      for (const Bounds& box : boxes_of_steps(Hull(groups[group]), placements, i))
+        include(bounds, box);
     } else {
       include_mapped(bounds, groups[group], placements.matrix(i));
     }

@@ -9,7 +9,7 @@ namespace metrofarm::geometry {
 namespace {
 
 // Cells along each axis: enough that corners of boxes do not reach far beyond what is in them.
-constexpr int kAcross = 16;
+constexpr int kAcross = 8;
 
 int cell_along(float value, float low, float high) {
   const float share = high > low ? (value - low) / (high - low) : 0.F;
@@ -42,8 +42,7 @@ class Cells {
   std::vector<Bounds> cells_;
 };
 
-std::vector<Bounds> cells_of(const Primitives& p, const PrimitiveRange& range) {
-  const Bounds all = bounds_of(p, range);
+std::vector<Bounds> cells_of(const Primitives& p, const PrimitiveRange& range, const Bounds& all) {
   Cells cells(all);
   if (range.deforming >= 0) {
     for (const scene::VertexKey& key : p.deforming[static_cast<size_t>(range.deforming)].keys)
@@ -59,33 +58,8 @@ std::vector<Bounds> cells_of(const Primitives& p, const PrimitiveRange& range) {
 // How much more area boxes may have for there to be fewer of them: Embree's trees ask for the time
 // at each of their nodes, and of a motion in many segments have many.
 constexpr double kRoom = 1.3;
-// Embree has one more step.
+// Embree takes one more step than that.
 constexpr size_t kMostSegments = 128;
-
-// At its steps and, where it turns, between them: from one to the next, what it shows lies in the
-// box interpolated between theirs.
-std::vector<Bounds> boxes_of_steps(const Hull& hull, const Placements& placements,
-                                   size_t instance) {
-  const int parts = placements.parts(instance);
-  const int count = parts * (placements.step_count(instance) - 1);
-  const double reach = hull.reach();
-  const auto bulge = [&](int part) {
-    if (part < 0 || part == count) return 0.0;
-    return placements.bulge(instance, part / parts, parts, reach);
-  };
-  std::vector<Bounds> boxes;
-  for (int i = 0; i <= count; ++i) {
-    const float time = static_cast<float>(i) / static_cast<float>(count);
-    Bounds box = hull.under(placements.matrix_at(instance, time).data());
-    const auto slack = static_cast<float>(std::max(bulge(i - 1), bulge(i)));
-    for (int k = 0; k < 3; ++k) {
-      box.lower[k] -= slack;
-      box.upper[k] += slack;
-    }
-    boxes.push_back(box);
-  }
-  return boxes;
-}
 
 double area_of(const Bounds& b) {
   const double x = double(b.upper[0]) - b.lower[0], y = double(b.upper[1]) - b.lower[1],
@@ -140,25 +114,45 @@ std::vector<Bounds> fewer_boxes(const std::vector<Bounds>& steps, size_t segment
 }  // namespace
 
 Hull::Hull(const Primitives& primitives, const PrimitiveRange& range)
-    : primitives_(primitives), range_(range), cells_(cells_of(primitives, range)) {}
+    : primitives_(&primitives),
+      first_analytic_(range.first_analytic),
+      analytic_count_(range.analytic_count) {
+  const Bounds all = bounds_of(primitives, range);
+  reach_ = reach_of(all);
+  if (range.triangle_count > 0) cells_ = cells_of(primitives, range, all);
+}
 
 Bounds Hull::under(const float* to_world) const {
   Bounds bounds = no_bounds();
   for (const Bounds& cell : cells_) include_mapped(bounds, cell, to_world);
-  for (int32_t i = 0; i < range_.analytic_count; ++i) {
-    const auto index = static_cast<uint32_t>(range_.first_analytic + i);
-    const Bounds b = bounds_of_analytic(primitives_, index, to_world);
-    for (int k = 0; k < 3; ++k) include(bounds, k, b.lower[k], b.upper[k]);
+  for (int32_t i = 0; i < analytic_count_; ++i) {
+    const auto index = static_cast<uint32_t>(first_analytic_ + i);
+    include(bounds, bounds_of_analytic(*primitives_, index, to_world));
   }
   return bounds;
 }
 
-double Hull::reach() const {
-  const Bounds all = bounds_of(primitives_, range_);
-  double reach = 0;
-  for (int k = 0; k < 3; ++k)
-    reach = std::hypot(reach, std::max(std::fabs(all.lower[k]), std::fabs(all.upper[k])));
-  return reach;
+std::vector<Bounds> boxes_of_steps(const Hull& hull, const Placements& placements,
+                                   size_t instance) {
+  const int parts = placements.parts(instance);
+  const int count = parts * (placements.step_count(instance) - 1);
+  const double reach = hull.reach();
+  const auto bulge = [&](int part) {
+    if (part < 0 || part == count) return 0.0;
+    return placements.bulge(instance, part / parts, parts, reach);
+  };
+  std::vector<Bounds> boxes;
+  for (int i = 0; i <= count; ++i) {
+    const float time = static_cast<float>(i) / static_cast<float>(count);
+    Bounds box = hull.under(placements.matrix_at(instance, time).data());
+    const auto slack = static_cast<float>(std::max(bulge(i - 1), bulge(i)));
+    for (int k = 0; k < 3; ++k) {
+      box.lower[k] -= slack;
+      box.upper[k] += slack;
+    }
+    boxes.push_back(box);
+  }
+  return boxes;
 }
 
 std::vector<Bounds> boxes_over_time(const Hull& hull, const Placements& placements,

@@ -30,18 +30,14 @@ const MovingInstance& instance_of(void* user_pointer) {
 
 }  // namespace
 
-RTCGeometry MovingInstance::geometry(RTCDevice device, const Hull& hull, bool alone) {
-  boxes_ = boxes_over_time(hull, placements_, instance_);
+RTCGeometry MovingInstance::geometry(RTCDevice device, bool alone) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-  // Of a tree with nothing else in it all rays would get here: Embree looks at no box of a root
-  // that is a leaf. So there is a corner beside it.
-  rtcSetGeometryUserPrimitiveCount(geometry, alone ? 2 : 1);
+  rtcSetGeometryUserPrimitiveCount(geometry, alone ? kWithCorner : 1);
   rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(boxes_.size()));
   rtcSetGeometryUserData(geometry, this);
   rtcSetGeometryBoundsFunction(geometry, bounds, nullptr);
   rtcSetGeometryIntersectFunction(geometry, intersect_all);
   rtcSetGeometryOccludedFunction(geometry, occluded_all);
-  rtcCommitGeometry(geometry);
   return geometry;
 }
 

@@ -17,32 +17,36 @@ namespace metrofarm::geometry {
 inline constexpr unsigned kTriangleGeometry = 0;
 inline constexpr unsigned kAnalyticGeometry = 1;
 inline constexpr unsigned kFirstInstance = 2;
+// Embree looks at no box of a root that is a leaf: every ray would be tested against the only shape
+// of a tree. Where that costs, such a tree has this one more, a corner of the shape's box.
+inline constexpr unsigned kWithCorner = 2;
 
 // Embree keeps a pointer to it; what it is made of outlives it.
 class MovingInstance {
  public:
   // instance: its number, of one that moves. id: what its hits are reported with as instance.
-  // group: the scene that it shows, committed.
+  // group: the scene that it shows, committed; null if that is a single analytic shape. hull: of
+  // the group.
   MovingInstance(const Primitives& primitives, const Placements& placements, size_t instance,
-                 unsigned id, RTCScene group)
+                 unsigned id, RTCScene group, const Hull& hull)
       : primitives_(primitives),
         placements_(placements),
         instance_(instance),
         id_(id),
-        group_(group) {
+        group_(group),
+        boxes_(boxes_over_time(hull, placements, instance)) {
     const PrimitiveRange& range =
         primitives.groups[static_cast<size_t>(primitives.instances[instance].group)];
-    if (range.triangle_count == 0 && range.analytic_count == 1)
-      only_analytic_ = range.first_analytic;
+    if (range.is_single_analytic()) only_analytic_ = range.first_analytic;
   }
   MovingInstance(const MovingInstance&) = delete;
   MovingInstance& operator=(const MovingInstance&) = delete;
 
-  // Committed; the caller's to attach and release. hull: of the group. alone: whether nothing else
-  // of its scene moves.
-  RTCGeometry geometry(RTCDevice device, const Hull& hull, bool alone);
+  // The caller's to commit, attach and release. alone: whether nothing else of its scene moves.
+  RTCGeometry geometry(RTCDevice device, bool alone);
   // What only building its scene takes.
-  void forget_boxes() { boxes_ = {}; }
+  uint64_t bytes_of_boxes() const { return boxes_.size() * sizeof(Bounds); }
+  void forget_boxes() { std::vector<Bounds>().swap(boxes_); }
 
  private:
   // A ray in the group's space, with the distances of the world's.

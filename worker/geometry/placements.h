@@ -32,8 +32,6 @@ class Placements {
   size_t count() const { return moving_.size(); }
   // Whether time matters: something is not the same all the time.
   bool anything_moves() const { return poses_.count() > 0 || deformations_.anything_moves(); }
-  // How many instances move.
-  size_t moving_count() const { return poses_.count(); }
   const Deformations& deformations() const { return deformations_; }
 
   // Requires: the lanes have an instance.

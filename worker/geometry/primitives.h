@@ -38,6 +38,7 @@ struct PrimitiveRange {
   int32_t analytic_count = 0;
   int32_t deforming = -1;  // number of the mesh that it is, if it deforms
   bool empty() const { return triangle_count == 0 && analytic_count == 0; }
+  bool is_single_analytic() const { return triangle_count == 0 && analytic_count == 1; }
 };
 
 // A placement of a group.
@@ -124,6 +125,9 @@ Bounds bounds_of(const Primitives& primitives, const PrimitiveRange& range);
 // Around nothing.
 Bounds no_bounds();
 void include(Bounds& bounds, int axis, float low, float high);
+void include(Bounds& bounds, const Bounds& box);
+// How far the farthest corner is from the origin.
+double reach_of(const Bounds& box);
 // The box around a box under an affine map, 3 x 4, row major (Arvo 1990, "Transforming Axis-Aligned
 // Bounding Boxes").
 void include_mapped(Bounds& bounds, const Bounds& box, const float* map);

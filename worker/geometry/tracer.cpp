@@ -17,10 +17,6 @@
 namespace metrofarm::geometry {
 namespace {
 
-// Embree looks at no box of a root that is a leaf: every ray would be tested against the only shape
-// of a tree. Where that costs, such a tree has this one more, a corner of the shape's box.
-constexpr unsigned kWithCorner = 2;
-
 // What the callbacks of one scene's analytic shapes know.
 struct AnalyticRange {
   const Primitives& primitives;
@@ -137,6 +133,8 @@ struct Tracer::Impl {
     const std::string config = "threads=1,isa=" + std::string(isa);
     device = rtcNewDevice(config.c_str());
     METROFARM_CHECK(device != nullptr);
+    // Else callbacks may get packets of other sizes.
+    METROFARM_CHECK(rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0);
     memory.limit = static_cast<int64_t>(std::min(max_bytes, uint64_t{1} << 62));
     rtcSetDeviceMemoryMonitorFunction(device, count_memory, &memory);
     analytic_offset = Int(p.triangle_count);
@@ -158,7 +156,15 @@ struct Tracer::Impl {
     add_range(scene, primitives.world);
     add_instances();
     commit(scene);
-    for (MovingInstance& instance : moving) instance.forget_boxes();
+    for (MovingInstance& instance : moving) {
+      count_memory(&memory, -static_cast<ssize_t>(instance.bytes_of_boxes()), true);
+      instance.forget_boxes();
+    }
+  }
+
+  // What Embree does not count itself.
+  void take(size_t bytes) {
+    if (!count_memory(&memory, static_cast<ssize_t>(bytes), false)) throw std::bad_alloc();
   }
 
   void commit(RTCScene built) const {
@@ -227,38 +233,58 @@ struct Tracer::Impl {
     const Primitives& p = primitives;
     groups.resize(p.groups.size(), nullptr);
     std::vector<std::optional<Hull>> hulls(p.groups.size());
+    const bool alone = count_moving() == 1;
     for (size_t i = 0; i < p.instances.size(); ++i) {
       const auto group = static_cast<size_t>(p.instances[i].group);
       const PrimitiveRange& range = p.groups[group];
       first_triangle.push_back(range.first_triangle);
       first_analytic.push_back(p.triangle_count + range.first_analytic);
       if (range.empty()) continue;
-      if (range.deforming >= 0 && placements.stays(i)) {
+      if (placements.moves(i)) {
+        if (!hulls[group]) hulls[group].emplace(p, range);
+        add_moving(i, group, *hulls[group], alone);
+      } else if (range.deforming >= 0 && placements.stays(i)) {
         add_deforming(scene, static_cast<size_t>(range.deforming), id_of(i));
-        continue;
+      } else {
+        add_still(i, group);
       }
-      if (groups[group] == nullptr) {
-        groups[group] = rtcNewScene(device);
-        add_range(groups[group], range);
-        commit(groups[group]);
-      }
-      if (placements.moves(i) && !hulls[group]) hulls[group].emplace(p, range);
-      add_instance(i, groups[group], hulls[group]);
     }
   }
 
-  void add_instance(size_t instance, RTCScene group, const std::optional<Hull>& hull) {
-    const unsigned id = id_of(instance);
-    if (placements.moves(instance)) {
-      moving.emplace_back(primitives, placements, instance, id, group);
-      return attach(scene, moving.back().geometry(device, *hull, placements.moving_count() == 1),
-                    id);
+  size_t count_moving() const {
+    size_t count = 0;
+    for (size_t i = 0; i < primitives.instances.size(); ++i) {
+      const auto group = static_cast<size_t>(primitives.instances[i].group);
+      if (placements.moves(i) && !primitives.groups[group].empty()) ++count;
     }
+    return count;
+  }
+
+  RTCScene scene_of(size_t group) {
+    if (groups[group] == nullptr) {
+      groups[group] = rtcNewScene(device);
+      add_range(groups[group], primitives.groups[group]);
+      commit(groups[group]);
+    }
+    return groups[group];
+  }
+
+  void add_moving(size_t instance, size_t group, const Hull& hull, bool alone) {
+    const bool needs_scene = !primitives.groups[group].is_single_analytic();
+    take(sizeof(MovingInstance));
+    MovingInstance& added = moving.emplace_back(primitives, placements, instance, id_of(instance),
+                                                needs_scene ? scene_of(group) : nullptr, hull);
+    take(added.bytes_of_boxes());
+    RTCGeometry geometry = added.geometry(device, alone);
+    attach(scene, geometry, id_of(instance));
+  }
+
+  void add_still(size_t instance, size_t group) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
-    rtcSetGeometryInstancedScene(geometry, group);
+    rtcSetGeometryInstancedScene(geometry, scene_of(group));
     rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
                             placements.matrix(instance));
-    attach(scene, geometry, id);
+    attach(scene, geometry, id_of(instance));
   }
 
   static unsigned id_of(size_t instance) {

@@ -178,7 +178,7 @@ class Sampled {
 };
 
 // Few enough to try them all, with as many divisors as there is room for: keys at equal distances
-// then lie on steps. Embree has 129 steps at most.
+// then lie on steps. Beyond these a step of each motion would outweigh most of what moves.
 constexpr int kSegments[] = {1,  2,  3,  4,  5,  6,  7,   8,   9,   10,  11,  12,  13,  14, 15,
                              16, 17, 18, 19, 20, 21, 22,  23,  24,  25,  26,  27,  28,  29, 30,
                              31, 32, 35, 36, 40, 42, 45,  48,  50,  54,  56,  60,  63,  64, 70,

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/geometry/world.h"
+#include "tests/motion/motions.h"
 
 namespace metrofarm::geometry {
 namespace {
@@ -229,6 +230,65 @@ TEST(Instances, GroupsOfSeveralKindsAreToldApart) {
   EXPECT_EQ(seen(50.9, 0.9), std::pair(5, 4));
 }
 
+// The same while things move and deform, each at a place of its own: two groups, shapes by
+// themselves, of one kind and of several, and a mesh that deforms where it is.
+TEST(Instances, WhatMovesIsToldApart) {
+  test::SceneBuilder b;
+  const scene::Index grey = b.diffuse(0.5F);
+  const scene::Motion down{
+      {{0, motion::test::translated(0, 0, 1)}, {1, motion::test::translated(0, 0, -1)}}};
+  const auto last = [&]() -> scene::Shape& { return b.description().shapes.back(); };
+  const auto quad_at = [](double x) { return test::quad({x - 1, -1, -0.5}, {2, 0, 0}, {0, 2, 0}); };
+  b.shape(test::quad({-1, -1, -9}, {2, 0, 0}, {0, 2, 0}), grey);        // 0, in the world
+  b.shape(scene::Sphere{{0, 0, 0}, 0.4}, grey), last().group = 0;       // 1
+  b.shape(quad_at(0), grey), last().group = 0;                          // 2
+  b.shape(quad_at(60), grey), last().motion = down;                     // 3, moves by itself
+  b.shape(scene::Sphere{{0, 0, -5}, 0.5}, grey);                        // 4, in the world
+  b.shape(scene::Sphere{{70, 0, 0}, 0.5}, grey), last().motion = down;  // 5
+  b.shape(test::disk({0, 0, 0}, 0.5), grey), last().group = 1;          // 6
+  b.shape(quad_at(0), grey), last().group = 1;                          // 7
+  scene::TriangleMesh cloth = quad_at(80);
+  std::vector<float> lifted = cloth.positions;
+  for (size_t i = 2; i < lifted.size(); i += 3) lifted[i] += 0.25F;
+  cloth.keys = {{cloth.positions, cloth.normals}, {lifted, cloth.normals}};
+  b.shape(cloth, grey), last().key_times = {0, 1};  // 8, deforms in its place
+  const auto place = [&](double x, scene::Index group, const scene::Motion& motion) {
+    b.description().instances.push_back({motion::test::translated(x, 0, 0), group, {}, motion});
+  };
+  place(10, 1, down), place(20, 0, {}), place(30, 0, down), place(40, 1, {}), place(50, 0, down);
+  const World world(b.take(), {0, 1});
+  for (const float time : {0.F, 0.3F, 1.F}) {
+    const auto seen = [&](double x, double y) {
+      const Vec3 origin = splat(float(x), float(y), 5), below = splat(0, 0, -1);
+      const RayHits hits = world.tracer.intersect(all_lanes(), origin, below, Float(time));
+      EXPECT_TRUE(all(hits.hit));
+      const Surface s = surface_at(world.primitives, world.placements, hits, origin, below, {});
+      expect_near(lane_of(s.geometric_normal, 0), {0, 0, 1}, 1e-5);
+      const auto instance = static_cast<int>(lane_word(as_uint(hits.instance), 0));
+      if (instance >= 0) {
+        const auto& record = world.primitives.instances[static_cast<size_t>(instance)];
+        if (record.shape != scene::kNone)
+          return std::pair(static_cast<int>(lane_word(as_uint(s.shape), 0)),
+                           -2 - static_cast<int>(record.shape));
+      }
+      return std::pair(static_cast<int>(lane_word(as_uint(s.shape), 0)), instance);
+    };
+    EXPECT_EQ(seen(0, 0), std::pair(4, -1));
+    EXPECT_EQ(seen(0.9, 0.9), std::pair(0, -1));
+    EXPECT_EQ(seen(10, 0), std::pair(6, 0));
+    EXPECT_EQ(seen(10.9, 0.9), std::pair(7, 0));
+    EXPECT_EQ(seen(20, 0), std::pair(1, 1));
+    EXPECT_EQ(seen(20.9, 0.9), std::pair(2, 1));
+    EXPECT_EQ(seen(30, 0), std::pair(1, 2));
+    EXPECT_EQ(seen(30.9, -0.9), std::pair(2, 2));
+    EXPECT_EQ(seen(40.9, 0.9), std::pair(7, 3));
+    EXPECT_EQ(seen(50.9, 0.9), std::pair(2, 4));
+    EXPECT_EQ(seen(60.9, 0.9), std::pair(3, -2 - 3));
+    EXPECT_EQ(seen(70, 0), std::pair(5, -2 - 5));
+    EXPECT_EQ(seen(80.9, 0.9), std::pair(8, -2 - 8));
+  }
+}
+
 TEST(Instances, AGroupWithoutInstancesIsNotSeen) {
   test::SceneBuilder b;
   b.shape(scene::Sphere{{0, 0, 0}, 1}, b.diffuse(0.5F));
@@ -293,6 +353,25 @@ TEST(TracerMemory, TreesBeyondTheLimitAreRefused) {
     const Tracer fits(world.primitives, world.placements, "avx2", 8 * bytes);
     EXPECT_EQ(fits.bytes(), bytes);
   }
+}
+
+// What instances that move keep is counted, what only building takes is not.
+TEST(TracerMemory, MovingInstancesCount) {
+  constexpr size_t kInstances = 2000;
+  test::SceneBuilder b;
+  b.shape(scene::Sphere{{1, 0, 0}, 0.1}, b.diffuse(0.5F));
+  b.description().shapes[0].group = 0;
+  const scene::Motion turns{
+      {motion::test::turn_key(0, {0, 1, 0}, 0), motion::test::turn_key(1, {0, 1, 0}, 1080)}};
+  for (size_t i = 0; i < kInstances; ++i)
+    b.description().instances.push_back({scaled(1, 1, 1), 0, {}, turns});
+  const World world(b.take(), {0, 1});
+  const uint64_t bytes = world.tracer.bytes();
+  EXPECT_GT(bytes, kInstances * 100);
+  const uint64_t boxes = kInstances * 30 * sizeof(Bounds);
+  EXPECT_THROW(Tracer(world.primitives, world.placements, "avx2", boxes), std::bad_alloc);
+  const Tracer fits(world.primitives, world.placements, "avx2", 64 * bytes);
+  EXPECT_EQ(fits.bytes(), bytes);
 }
 
 }  // namespace

@@ -275,9 +275,9 @@ TEST(MovingGeometry, BoundsHoldAllPoses) {
         tight.upper[v % 3] = std::max(tight.upper[v % 3], mesh.positions[v]);
       }
     }
-    // Fewer boxes than steps are wider than what is in them, by a little.
+    // Boxes of turned boxes are wider than what is in them, by sqrt(3) at most.
     for (int k = 0; k < 3; ++k)
-      EXPECT_LE(box.upper[k] - box.lower[k], 1.3F * (tight.upper[k] - tight.lower[k]));
+      EXPECT_LE(box.upper[k] - box.lower[k], 1.8F * (tight.upper[k] - tight.lower[k]));
   }
 }
 

@@ -92,8 +92,8 @@ TEST(PoseTable, OneAtATimeIsTheSame) {
         const Pose one = table.pose(static_cast<size_t>(number), lane_value(time, lane));
         const Matrix m = lane_matrix(lanes, lane);
         for (int r = 0; r < 3; ++r) {
-          for (int k = 0; k < 3; ++k) EXPECT_NEAR(one.linear[3 * k + r], m[4 * r + k], 1e-6);
-          EXPECT_NEAR(one.offset[r], m[4 * r + 3], 1e-6);
+          for (int k = 0; k < 3; ++k) EXPECT_EQ(one.linear[3 * k + r], m[4 * r + k]);
+          EXPECT_EQ(one.offset[r], m[4 * r + 3]);
         }
       }
     }
