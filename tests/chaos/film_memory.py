@@ -1,19 +1,12 @@
-"""The film in the memory of a running worker.
-
-A film is one allocation that is large enough for the C library to map it by itself: a chunk at the
-start of a page whose header has the length of the mapping and the flag for that.
-"""
+"""The film in the memory of a running worker, found by the vector that holds it."""
 
 import random
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-PAGE = 4096
-HEADER = 16  # of a chunk
-MAPPED = 2  # flag of a chunk with a mapping of its own
-# Makes the C library map whatever is as large, whatever was freed before.
-ENVIRONMENT = {"MALLOC_MMAP_THRESHOLD_": str(1 << 20)}
+import numpy as np
+
+WORD = 8
 
 
 def film_bytes(width: int, height: int, layers: int) -> int:
@@ -30,16 +23,25 @@ def anonymous(pid: int) -> Iterator[tuple[int, int]]:
 
 
 def films(pid: int, size: int) -> list[int]:
-    """Where the values of films of this size begin. The process stands still."""
-    wanted = ((size + HEADER + PAGE - 1) // PAGE * PAGE) | MAPPED
-    found = []
+    """Where the values of films of this size begin. The process stands still.
+
+    A vector is three pointers: to its values, to their end, to the end of what it has room for.
+    Those of a film are as far apart as the film is large, and lead to memory of the process.
+    """
+    regions = list(anonymous(pid))
+    found = set()
     with Path(f"/proc/{pid}/mem").open("rb", buffering=0) as memory:
-        for first, last in anonymous(pid):
-            for page in range(first, last - (wanted - MAPPED) + PAGE, PAGE):
-                memory.seek(page)
-                if struct.unpack("<QQ", memory.read(HEADER))[1] == wanted:
-                    found.append(page + HEADER)
-    return found
+        for first, last in regions:
+            memory.seek(first)
+            words = np.frombuffer(memory.read(last - first), dtype=np.uint64)
+            ends = words[1:-1]
+            apart = (ends - words[:-2] == size) & (words[2:] == ends)
+            found.update(int(start) for start in words[:-2][apart])
+    return sorted(
+        start
+        for start in found
+        if start % WORD == 0 and any(a <= start and start + size <= b for a, b in regions)
+    )
 
 
 def flip_a_bit(pid: int, size: int, choice: random.Random) -> str:

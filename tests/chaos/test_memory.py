@@ -4,10 +4,9 @@ import random
 import time
 from pathlib import Path
 
-import pytest
 from conftest import MakeStage
 
-from film_memory import ENVIRONMENT, film_bytes, flip_a_bit
+from film_memory import film_bytes, flip_a_bit
 from orders import SCENE, request_of, result_of, undisturbed
 from stage import Coordinator, Part, Stage, go_on, stop
 
@@ -41,11 +40,8 @@ def flip_until_told(stage: Stage, job: str, choice: random.Random) -> list[str]:
 
 def test_a_bit_flips_in_a_workers_film(make_stage: MakeStage, tmp_path: Path, seed: int) -> None:
     [expected] = undisturbed(tmp_path / "undisturbed", [REQUEST])
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in ENVIRONMENT.items():
-            patch.setenv(name, value)
-        stage = make_stage()
-        stage.start()
+    stage = make_stage()
+    stage.start()
     rest = stage.coordinators[0]
     job = rest.submit(SCENE, **REQUEST)
     flipped = flip_until_told(stage, job, random.Random(seed))
