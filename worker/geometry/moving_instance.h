@@ -5,7 +5,6 @@
 // gets there: they took 1.2 times the time per ray (worker/doc/decisions/0007-motion.md).
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "geometry/embree.h"
