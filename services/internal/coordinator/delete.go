@@ -17,6 +17,13 @@ func (c *Coordinator) Delete(ctx context.Context, id string) error {
 	if err := r.lockAtRest(ctx); err != nil {
 		return err
 	}
+	if r.gone.Load() { // it was given up as soon as its checkpoint was written
+		r.mu.Unlock()
+		if _, err := c.atRest(ctx, id); err != nil {
+			return err
+		}
+		return c.deleteStored(ctx, id)
+	}
 	if !r.rec.State.Ended() {
 		defer r.mu.Unlock()
 		return undeletable(&r.rec)

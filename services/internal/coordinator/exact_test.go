@@ -5,10 +5,14 @@ import (
 	"errors"
 	"fmt"
 	"math/rand/v2"
+	"path/filepath"
 	"slices"
+	"sync/atomic"
 	"testing"
 	"time"
 
+	"metrofarm/services/internal/blob"
+	"metrofarm/services/internal/blob/dir"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/coordinator/fakeworker"
 	"metrofarm/services/internal/job"
@@ -290,5 +294,53 @@ func TestBlackScene(t *testing.T) {
 	image, err := s.c.Image(context.Background(), id)
 	if err != nil || len(image.RGB) != 70*41*3 || slices.Max(image.RGB) != 0 {
 		t.Errorf("image of %d values, error %v", len(image.RGB), err)
+	}
+}
+
+// heldDeletes is a backend in which deleting a checkpoint, once begun while it holds, ends only when
+// nobody wants it any more.
+type heldDeletes struct {
+	blob.Backend
+	holds   atomic.Bool
+	waiting atomic.Int64
+}
+
+func (h *heldDeletes) Delete(ctx context.Context, key blob.Key) error {
+	if key.Kind == blob.Named && h.holds.Load() {
+		h.waiting.Add(1)
+		defer h.waiting.Add(-1)
+		<-ctx.Done()
+		return ctx.Err()
+	}
+	return h.Backend.Delete(ctx, key)
+}
+
+// A job that has ended is given up as soon as nothing is written of it any more, at times before
+// those go on who wait for that to delete the job.
+func TestDeletedWhileItIsGivenUp(t *testing.T) {
+	t.Parallel()
+	ctx := t.Context()
+	s := newSite(t)
+	backend, err := dir.Open(filepath.Join(s.dir, "blobs"))
+	s.check(err)
+	held := &heldDeletes{Backend: backend}
+	s.tune = func(o *coordinator.Options) { o.Blobs, o.Tick = blob.New(held), 20*time.Microsecond }
+	s.start()
+	defer s.stop()
+	defer s.crew(workers(2, nil)...)()
+	for range 20 {
+		held.holds.Store(true)
+		id := s.submit(longRequest())
+		s.await(id, "held up", func(job.Snapshot) bool { return held.waiting.Load() > 0 })
+		if _, err := s.c.Cancel(ctx, id); err != nil {
+			t.Fatal(err)
+		}
+		held.holds.Store(false)
+		if err := s.c.Delete(ctx, id); err != nil {
+			t.Fatal(err)
+		}
+		if _, err := s.c.Job(ctx, id); !errors.Is(err, job.ErrNotFound) {
+			t.Fatalf("a deleted job is there: %v", err)
+		}
 	}
 }
