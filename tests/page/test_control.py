@@ -249,6 +249,7 @@ def test_jobs_that_are_deleted_elsewhere(farm: Farm, watched: Watched) -> None:
     jobs = {name: farm.submit(SCENE, **SMALL, name=name, stop={"rounds": 1}) for name in "abc"}
     for job in jobs.values():
         farm.wait(job)
+    watched.deleted.update((jobs["a"], jobs["b"]))
     page = watched.page
     page.goto(farm.url)
     expect(page.locator(".job-row:not(.head)")).to_have_count(3)
@@ -264,6 +265,26 @@ def test_jobs_that_are_deleted_elsewhere(farm: Farm, watched: Watched) -> None:
     watched.check_access()
     page.get_by_role("link", name="Farm", exact=True).click()
     expect(page.locator(".job-row:not(.head)")).to_have_count(1)
+
+
+@pytest.mark.parametrize("kind", ["plan", "image.pfm"])
+def test_a_job_that_is_deleted_while_it_is_read(farm: Farm, watched: Watched, kind: str) -> None:
+    job = farm.submit(SCENE, **SMALL, stop={"rounds": 1})
+    farm.wait(job)
+    watched.deleted.add(job)
+    page = watched.page
+
+    def late(route: Route) -> None:
+        farm.request("DELETE", f"/v1/jobs/{job}")
+        route.continue_()
+
+    page.route(f"**/v1/jobs/{job}/{kind}*", late)
+    # What tells of the deletion otherwise is silent, so that the answer alone has to.
+    page.route(f"**/v1/jobs/{job}/events*", lambda route: route.abort())
+    watched.down = True
+    page.goto(f"{farm.url}/#/jobs/{job}")
+    expect(page.locator("#deleted")).to_be_visible()
+    expect(page.locator(".message")).to_have_count(0)
 
 
 def test_a_job_that_is_refined_elsewhere(farm: Farm, watched: Watched) -> None:

@@ -5,33 +5,45 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Page
+from playwright.sync_api import ConsoleMessage, Page
 
 from farm import ROOT
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 # What the browser says of a server that does not answer, or whose proxy does for it.
 ANSWERS_OF_NOBODY = re.compile("ERR_|status of 50[234]")
+MISSING = re.compile("status of 404")
 # Seconds within which what should come at once must come.
 PATIENCE = 60
 
 
 class Watched:
-    """A page whose complaints are kept. While the server is down, failing requests are no news."""
+    """A page whose complaints are kept.
+
+    While the server is down, failing requests are no news; nor is it, at any time, that there is
+    nothing of a job which was deleted under the page's eyes.
+    """
 
     def __init__(self, page: Page) -> None:
         self.page = page
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self.down = False
+        self.deleted: set[str] = set()
         page.set_default_timeout(120_000)
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.requests.append(request.url))
-        page.on("console", lambda message: self._note(message.type, message.text))
+        page.on("console", self._note)
 
-    def _note(self, kind: str, text: str) -> None:
-        if kind in ("error", "warning") and not (self.down and ANSWERS_OF_NOBODY.search(text)):
-            self.complaints.append(text)
+    def _note(self, message: ConsoleMessage) -> None:
+        if message.type not in ("error", "warning"):
+            return
+        if self.down and ANSWERS_OF_NOBODY.search(message.text):
+            return
+        source = message.location["url"]
+        if MISSING.search(message.text) and any(f"/v1/jobs/{job}" in source for job in self.deleted):
+            return
+        self.complaints.append(f"{message.text} ({source})")
 
     def wait_for_points(self, at_least: int) -> None:
         """Until the curve of the error has so many points."""

@@ -290,6 +290,8 @@ export class App {
       (plan) => {
         this.setPage(id, { plan })
       },
+      this.leaving,
+      this.failOf(id),
     )
   }
 
@@ -318,7 +320,7 @@ export class App {
         if (!signal.aborted) this.fetchingImage = false
       }
       this.readImage(id)
-    })
+    }, this.failOf(id))
   }
 
   private page(id: string): JobPage | null {
@@ -343,17 +345,38 @@ export class App {
     }
   }
 
+  /** Tells why something of a job could not be read, unless the job was deleted meanwhile. */
+  private failOf(id: string): (error: unknown) => void {
+    const isMissing = (error: unknown) => error instanceof gateway.Refusal && error.status === 404
+    return (error) => {
+      if (!isMissing(error)) {
+        this.fail(error)
+        return
+      }
+      gateway.getJob(id).then(
+        () => {
+          this.fail(error)
+        },
+        (reason: unknown) => {
+          if (!isMissing(reason)) this.fail(reason)
+          else if (this.page(id) !== null) this.loseJob(id)
+        },
+      )
+    }
+  }
+
   /** Reads something for the page that is shown until that succeeds, and says so meanwhile. */
   private read<T>(
     what: string,
     work: () => Promise<T>,
     take: (result: T) => void,
     { signal }: AbortController = this.leaving,
+    fail = this.fail,
   ): void {
     this.attempt(async () => {
       const result = await this.persist(what, work, signal)
       if (result !== null && !signal.aborted) take(result)
-    })
+    }, fail)
   }
 
   private persist<T>(
@@ -372,8 +395,8 @@ export class App {
   }
 
   /** Runs something that may fail, and shows the reason. */
-  private attempt(work: () => Promise<void>): void {
-    work().catch(this.fail)
+  private attempt(work: () => Promise<void>, fail = this.fail): void {
+    work().catch(fail)
   }
 }
 
