@@ -31,32 +31,51 @@ stage_generated() {
 }
 
 stage_cpp() {
-  make --no-print-directory worker-tests &&
-    ctest --test-dir build/worker --output-on-failure --no-tests=error -j 2
+  make --no-print-directory worker-tests || return
+  local -r test=(ctest --test-dir build/worker --output-on-failure --no-tests=error -j 2)
+  "${test[@]}" || { again && "${test[@]}" --rerun-failed; }
 }
-stage_go() { (cd services && go test -race ./...); }
+# What passed is cached, so that the second try is of the packages that failed.
+stage_go() { (cd services && go test -race ./...) || { again && (cd services && go test -race ./...); }; }
 stage_web() { (cd web && npm test --silent); }
 stage_instrument() { python -m pytest -q tests/agreement/test_tiles.py tests/agreement/test_poses.py tests/sabotage; }
-stage_e2e() { python -m pytest -q tests/e2e; }
+stage_e2e() {
+  local -r rare=tests/e2e/test_determinism.py
+  try_pytest tests/e2e --ignore="$rare" && python -m pytest -q "$rare"
+}
 # The browser's tests need axe-core, which npm brings.
 stage_page() {
   [ -e web/node_modules/axe-core ] || (cd web && npm ci --no-audit --no-fund --loglevel=error) || return
-  python -m pytest -q tests/page
+  try_pytest tests/page
 }
 stage_chaos() { (cd tests/chaos/proxy && go vet ./... && go test ./...) && python -m pytest -q -s tests/chaos; }
-stage_load() { python -m pytest -q tests/load; }
+stage_load() { try_pytest tests/load; }
 stage_deploy() { (cd tests/deploy && go vet ./... && go test ./...); }
-stage_cluster() { python -m pytest -q tests/cluster; }
+stage_cluster() { try_pytest tests/cluster; }
 stage_agreement() {
   python -m pytest -q tests/agreement --ignore=tests/agreement/test_tiles.py --ignore=tests/agreement/test_poses.py
 }
 stage_sanitize() { tests/setup/sanitize.sh --short address,undefined; }
 
+# Tests that wait for processes, sockets and clocks can fail on a busy machine for no fault of the
+# code. What failed of them gets a second try, and the summary says so: a test that is unsteady is a
+# bug to be found, but no word on the change at hand. What only computes has one try, and so has what
+# looks for a loss that is rare: films after kills, chaos.
+try_pytest() { python -m pytest -q "$@" || { again && python -m pytest -q --last-failed "$@"; }; }
+
+again() {
+  tries=2
+  printf '\n=== once more, what failed\n'
+}
+
 report=()
 failures=0
+tries=1
 
-note_stage() { # NAME VERDICT SECONDS
-  report+=("$(printf '%-12s %-7s %4d s' "$1" "$2" "$3")")
+note_stage() { # NAME VERDICT SECONDS TRIES
+  local remark=""
+  [ "$4" = 1 ] || remark=" (UNSTEADY: something failed at the first try)"
+  report+=("$(printf '%-12s %-7s %4d s%s' "$1" "$2" "$3" "$remark")")
   echo "=== $1: $2, $3 s"
   [ "$2" = ok ] || failures=$((failures + 1))
   [ "$2" = ok ]
@@ -64,9 +83,10 @@ note_stage() { # NAME VERDICT SECONDS
 
 run_stage() {
   local name=$1 started=$SECONDS verdict=ok
+  tries=1
   printf '\n=== %s\n' "$name"
   "stage_$name" || verdict=FAILED
-  note_stage "$name" "$verdict" $((SECONDS - started))
+  note_stage "$name" "$verdict" $((SECONDS - started)) "$tries"
 }
 
 # One after another, each with a log and a file that says what came of it.
@@ -87,7 +107,7 @@ await_beside() {
     printf '\n=== %s (beside the others)\n' "$name"
     cat "$LOGS/$name.log"
     read -r verdict seconds <"$LOGS/$name.verdict"
-    note_stage "$name" "$verdict" "$seconds"
+    note_stage "$name" "$verdict" "$seconds" 1
   done
 }
 
