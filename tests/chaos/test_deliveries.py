@@ -23,7 +23,7 @@ def await_workers(stage: Stage) -> None:
 
     def registered() -> bool:
         return all(
-            worker.logged("registered with a coordinator") == len(stage.coordinators)
+            worker.logged("registered with a coordinator") >= len(stage.coordinators)
             for worker in stage.workers
         )
 

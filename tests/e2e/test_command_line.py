@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -137,9 +136,19 @@ def start_endless(folder: Path, side: int) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(4)
-    assert process.poll() is None
+    read_on_to(process, "round ")
     return process
+
+
+def read_on_to(process: subprocess.Popen[str], words: str) -> None:
+    """Reads a line of progress that has the words."""
+    assert process.stderr is not None
+    read = []
+    for line in process.stderr:
+        read.append(line)
+        if words in line:
+            return
+    raise AssertionError(f"ended without {words!r}: {read}")
 
 
 def test_one_interrupt_finishes_the_round_and_writes(tmp_path: Path) -> None:
@@ -154,9 +163,9 @@ def test_one_interrupt_finishes_the_round_and_writes(tmp_path: Path) -> None:
 
 def test_two_interrupts_abort_and_leave_nothing(tmp_path: Path) -> None:
     # Large, so that the round under way outlasts the second interrupt.
-    process = start_endless(tmp_path, 512)
+    process = start_endless(tmp_path, 1024)
     process.send_signal(signal.SIGINT)
-    time.sleep(0.1)
+    read_on_to(process, "interrupt again to abort")
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
     assert process.returncode != 0

@@ -162,10 +162,11 @@ def test_pause_priority_clone_and_keys(farm: Farm, watched: Watched) -> None:
     watched.check_access()
     page.fill("#option-name", "second")
     page.fill("[id='option-stop.target_error']", "0.0001")
+    page.fill("#option-priority", "0")  # so that it waits until the first is canceled
     page.get_by_role("button", name="Submit").click()
     expect(page.locator("h1")).to_have_text("second")
     expect(page.locator("#estimate")).to_contain_text("told after round 2")
-    farm.post(f"/v1/jobs/{job}/cancel")  # so that the other goes on faster
+    farm.post(f"/v1/jobs/{job}/cancel")
     expect(page.locator("#estimate")).to_contain_text(re.compile("target 0.0001 in about .* to "))
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".job-head .badge")).to_contain_text("canceled")
@@ -178,6 +179,7 @@ def test_a_bundle_that_is_dropped(farm: Farm, watched: Watched, tmp_path: Path) 
     page = watched.page
     page.goto(f"{farm.url}/#/submit")
     text = "<scene version='3.0.0'/>"
+    page.wait_for_selector(".drop")
     page.evaluate(
         """(text) => {
           const files = new DataTransfer()

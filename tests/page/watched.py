@@ -41,7 +41,9 @@ class Watched:
         if self.down and ANSWERS_OF_NOBODY.search(message.text):
             return
         source = message.location["url"]
-        if MISSING.search(message.text) and any(f"/v1/jobs/{job}" in source for job in self.deleted):
+        if MISSING.search(message.text) and any(
+            f"/v1/jobs/{job}" in source for job in self.deleted
+        ):
             return
         self.complaints.append(f"{message.text} ({source})")
 

@@ -443,11 +443,21 @@ func TestStreamsEndWithTheTokenOfTheirReaders(t *testing.T) {
 	shown := [][2]string{{"Authorization", "Bearer " + g.tokens[auth.Read]}, {"Cookie", cookie}}
 	ended := make(chan string)
 	kept := make(chan string)
+	// open returns once the stream has told something.
+	open := func(path, name, value string) *stream {
+		opened := g.openEvents(path, name, value)
+		if text, found := opened.upTo("event: "); !found {
+			t.Fatalf("a stream ended before it told anything: %q", text)
+		}
+		return opened
+	}
 	for _, path := range []string{"/v1/events", "/v1/jobs/" + id + "/events"} {
 		for _, header := range shown {
-			go func() { ended <- g.readEvents(path, "(none)", header[0], header[1]) }()
+			reader := open(path, header[0], header[1])
+			go func() { ended <- reader.until("(none)") }()
 		}
-		go func() { kept <- g.readEvents(path, "event: gone", "Authorization", "Bearer "+g.tokens[auth.Admin]) }()
+		other := open(path, "Authorization", "Bearer "+g.tokens[auth.Admin])
+		go func() { kept <- other.until("event: gone") }()
 	}
 	lines, err := os.ReadFile(g.file)
 	if err != nil {
@@ -457,13 +467,12 @@ func TestStreamsEndWithTheTokenOfTheirReaders(t *testing.T) {
 	if err := os.WriteFile(g.file, []byte(others), 0o600); err != nil {
 		t.Fatal(err)
 	}
-	time.AfterFunc(100*time.Millisecond, func() { _ = g.known.Reload() })
+	if err := g.known.Reload(); err != nil {
+		t.Fatal(err)
+	}
 	for range 4 {
 		select {
-		case text := <-ended:
-			if !strings.Contains(text, "event: ") {
-				t.Errorf("a stream ended before it told anything: %q", text)
-			}
+		case <-ended:
 		case <-time.After(20 * time.Second):
 			t.Fatal("a stream outlives the token of its reader")
 		}

@@ -3,7 +3,6 @@ package api_test
 import (
 	"bufio"
 	"bytes"
-	"context"
 	"image/png"
 	"io"
 	"mime/multipart"
@@ -189,6 +188,18 @@ func TestConvergencePlanAnomaliesLog(t *testing.T) {
 // readEvents reads from a stream until a line starts with until.
 func (f *fixture) readEvents(path, until string, headers ...string) string {
 	f.t.Helper()
+	return f.openEvents(path, headers...).until(until)
+}
+
+// stream is an open stream of events.
+type stream struct {
+	body  io.ReadCloser
+	lines *bufio.Scanner
+}
+
+// openEvents returns once the stream is subscribed to: that is before its headers are sent.
+func (f *fixture) openEvents(path string, headers ...string) *stream {
+	f.t.Helper()
 	request, err := http.NewRequestWithContext(f.t.Context(), http.MethodGet, f.server.URL+path, nil)
 	if err != nil {
 		f.t.Fatal(err)
@@ -200,19 +211,32 @@ func (f *fixture) readEvents(path, until string, headers ...string) string {
 	if err != nil {
 		f.t.Fatal(err)
 	}
-	defer response.Body.Close()
 	if got := response.Header.Get("Content-Type"); got != "text/event-stream" {
 		f.t.Fatalf("Content-Type %s", got)
 	}
-	var text strings.Builder
-	lines := bufio.NewScanner(response.Body)
-	for lines.Scan() {
-		text.WriteString(lines.Text() + "\n")
-		if strings.HasPrefix(lines.Text(), until) {
-			return text.String()
+	return &stream{body: response.Body, lines: bufio.NewScanner(response.Body)}
+}
+
+// until reads on to a line that begins so and closes the stream, or to its end.
+func (s *stream) until(beginning string) string {
+	defer s.body.Close()
+	text, found := s.upTo(beginning)
+	if !found {
+		text += "(end)"
+	}
+	return text
+}
+
+// upTo reads on to a line that begins so.
+func (s *stream) upTo(beginning string) (text string, found bool) {
+	var read strings.Builder
+	for s.lines.Scan() {
+		read.WriteString(s.lines.Text() + "\n")
+		if strings.HasPrefix(s.lines.Text(), beginning) {
+			return read.String(), true
 		}
 	}
-	return text.String() + "(end)"
+	return read.String(), false
 }
 
 func TestAStreamTellsThatItsJobWasDeleted(t *testing.T) {
@@ -220,13 +244,17 @@ func TestAStreamTellsThatItsJobWasDeleted(t *testing.T) {
 	id := f.submit()
 	f.expect(200, "POST", "/v1/jobs/"+id+"/cancel", "")
 	path := "/v1/jobs/" + id + "/events"
-	time.AfterFunc(50*time.Millisecond, func() { _ = f.farm.Delete(context.Background(), id) })
-	if text := f.readEvents(path, "(none)"); !strings.Contains(text, "id: 3\nevent: deleted\ndata: {") || !strings.HasSuffix(text, "\n\n(end)") {
+	deleted := f.openEvents(path)
+	if err := f.farm.Delete(t.Context(), id); err != nil {
+		t.Fatal(err)
+	}
+	if text := deleted.until("(none)"); !strings.Contains(text, "id: 3\nevent: deleted\ndata: {") || !strings.HasSuffix(text, "\n\n(end)") {
 		t.Errorf("the stream of a deleted job: %s", text)
 	}
 	other := f.submit()
-	time.AfterFunc(50*time.Millisecond, func() { f.farm.DropWatchers(other) })
-	if text := f.readEvents("/v1/jobs/"+other+"/events", "(none)"); strings.Contains(text, "deleted") {
+	kept := f.openEvents("/v1/jobs/" + other + "/events")
+	f.farm.DropWatchers(other)
+	if text := kept.until("(none)"); strings.Contains(text, "deleted") {
 		t.Errorf("the stream of a job that is there: %s", text)
 	}
 }
@@ -244,13 +272,15 @@ func TestEventStream(t *testing.T) {
 	if strings.Contains(resumed, "id: 1\n") || !strings.Contains(resumed, "id: 2\n") {
 		t.Errorf("resumed after 1: %s", resumed)
 	}
-	time.AfterFunc(50*time.Millisecond, func() { f.round(id, 2) })
-	live := f.readEvents(path+"?after=2", "id: 3")
+	following := f.openEvents(path + "?after=2")
+	f.round(id, 2)
+	live := following.until("id: 3")
 	if strings.Contains(live, "id: 2\n") || strings.Contains(live, "(end)") {
 		t.Errorf("live events: %s", live)
 	}
-	time.AfterFunc(50*time.Millisecond, func() { f.farm.DropWatchers(id) })
-	if dropped := f.readEvents(path, "never"); !strings.HasSuffix(dropped, "(end)") {
+	following = f.openEvents(path)
+	f.farm.DropWatchers(id)
+	if dropped := following.until("never"); !strings.HasSuffix(dropped, "(end)") {
 		t.Errorf("the stream went on after its source had closed: %s", dropped)
 	}
 }

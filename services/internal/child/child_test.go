@@ -64,12 +64,11 @@ func TestLocate(t *testing.T) {
 func TestSupervisorRestartsAndStops(t *testing.T) {
 	log := filepath.Join(t.TempDir(), "starts")
 	// The third life stays until SIGTERM.
-	program := script(t, `echo x >> "$1"; [ $(wc -l < "$1") -lt 3 ] && exit 1; trap 'echo end >> "$1"; exit 0' TERM; while :; do sleep 0.01; done`)
+	program := script(t, `trap 'echo end >> "$1"; exit 0' TERM; echo x >> "$1"; [ $(wc -l < "$1") -lt 3 ] && exit 1; while :; do sleep 0.01; done`)
 	group := child.Start(t.Context(), &child.Supervisor{
 		Program: program, Arguments: []string{log}, Logger: slog.New(slog.DiscardHandler), Backoff: time.Millisecond,
 	})
 	waitFor(t, func() bool { content, _ := os.ReadFile(log); return string(content) == "x\nx\nx\n" })
-	time.Sleep(50 * time.Millisecond) // for the trap
 	group.Stop()
 	if content, _ := os.ReadFile(log); string(content) != "x\nx\nx\nend\n" {
 		t.Errorf("lives %q: the last was not asked to end", content)
@@ -94,15 +93,14 @@ func TestSupervisorKillsAWorkerThatWillNotEnd(t *testing.T) {
 	}
 	ctx, cancel := context.WithTimeout(t.Context(), 100*time.Millisecond)
 	defer cancel()
-	start := time.Now()
-	if err := s.Run(ctx); err != nil || time.Since(start) > 5*time.Second {
-		t.Errorf("error %v after %v", err, time.Since(start))
+	if err := s.Run(ctx); err != nil { // the worker does not end by itself
+		t.Error(err)
 	}
 }
 
 func waitFor(t *testing.T, condition func() bool) {
 	t.Helper()
-	for deadline := time.Now().Add(10 * time.Second); !condition(); time.Sleep(5 * time.Millisecond) {
+	for deadline := time.Now().Add(time.Minute); !condition(); time.Sleep(5 * time.Millisecond) {
 		if time.Now().After(deadline) {
 			t.Fatal("waited in vain")
 		}
