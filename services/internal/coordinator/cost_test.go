@@ -30,9 +30,7 @@ func TestUsageThatCannotBeReadStopsNothing(t *testing.T) {
 		t.Fatal("the coordinator has ended")
 	default:
 	}
-	if err := s.c.Ready(t.Context()); err != nil {
-		t.Errorf("not ready: %v", err)
-	}
+	p.eventually("ready", func() bool { return s.c.Ready(t.Context()) == nil })
 	sameFilm(t, s.finished(id), want)
 }
 

@@ -211,10 +211,9 @@ func TestFinishDecisionSurvivesDeath(t *testing.T) {
 	s.start()
 	dismiss := s.crew(workers(2, func(w *fakeworker.Worker) { w.Delay = 3 * time.Millisecond })...)
 	id := s.submit(request)
-	at := s.await(id, "in its third round", func(j job.Snapshot) bool { return j.RoundsDone >= 2 })
-	if _, err := s.c.Finish(context.Background(), id); err != nil {
-		t.Fatal(err)
-	}
+	s.await(id, "in its third round", func(j job.Snapshot) bool { return j.RoundsDone >= 2 })
+	at, err := s.c.Finish(context.Background(), id)
+	s.check(err)
 	s.kill()
 	s.start()
 	defer s.stop()

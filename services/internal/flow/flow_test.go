@@ -78,10 +78,21 @@ func TestTwoBatchesPerWorker(t *testing.T) {
 	}
 }
 
-// reserve tells whether it is let in at once.
+// reserve tells whether it is let in, for what should be.
 func reserve(t *testing.T, q *flow.Queue, bytes int64) bool {
 	t.Helper()
-	ctx, cancel := context.WithTimeout(t.Context(), 20*time.Millisecond)
+	return reserveWithin(t, q, bytes, time.Minute)
+}
+
+// waits tells whether it is not let in at once.
+func waits(t *testing.T, q *flow.Queue, bytes int64) bool {
+	t.Helper()
+	return !reserveWithin(t, q, bytes, 20*time.Millisecond)
+}
+
+func reserveWithin(t *testing.T, q *flow.Queue, bytes int64, patience time.Duration) bool {
+	t.Helper()
+	ctx, cancel := context.WithTimeout(t.Context(), patience)
 	defer cancel()
 	err := q.Reserve(ctx, bytes)
 	if err != nil && !errors.Is(err, context.DeadlineExceeded) {
@@ -95,12 +106,12 @@ func TestBatchesWaitForRoom(t *testing.T) {
 	if !reserve(t, q, 60) || !reserve(t, q, 40) {
 		t.Fatal("refused within the budget")
 	}
-	if reserve(t, q, 1) {
+	if !waits(t, q, 1) {
 		t.Error("let in beyond the budget")
 	}
 	q.Free(40)
 	q.Grow(30)
-	if reserve(t, q, 11) {
+	if !waits(t, q, 11) {
 		t.Error("let in although the other has grown")
 	}
 	if !reserve(t, q, 10) {
@@ -126,7 +137,7 @@ func TestAGiantIsReadAloneAndIsNotOvertaken(t *testing.T) {
 		}
 		time.Sleep(time.Millisecond)
 	}
-	if reserve(t, q, 1) {
+	if !waits(t, q, 1) {
 		t.Error("a small one has overtaken")
 	}
 	q.Free(50)
