@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <new>
+#include <thread>
 #include <vector>
 
 namespace metrofarm {
@@ -23,6 +25,8 @@ TEST(ParallelFor, ThrowsWhatAnyThreadThrows) {
     const auto work = [&](size_t i, int) {
       ++calls;
       if (i == 10) throw std::bad_alloc();
+      // Lest the others are through before the one that throws is heard.
+      if (i > 10) std::this_thread::sleep_for(std::chrono::microseconds(100));
     };
     EXPECT_THROW(parallel_for(100000, threads, work), std::bad_alloc);
     EXPECT_LT(calls, 100000) << "nothing new is begun";

@@ -65,7 +65,7 @@ TEST_F(IntakeTest, NobodyIsAskedWhileTheWorkerRenders) {
   Asker asker(intake_, seat);
   EXPECT_FALSE(asker.has_turn());
   want();
-  EXPECT_TRUE(asker.has_turn());
+  EXPECT_TRUE(asker.turn().has_value());
   EXPECT_TRUE(intake_.answer(seat, work("a")));
   EXPECT_EQ(taken(), "a");
 }
