@@ -78,6 +78,7 @@ struct FarmClient::Impl {
   double heartbeat_seconds = 0.1;  // until the coordinator says how many: to be told soon
   Clock::time_point last_answer = Clock::now();
   bool away = true;
+  std::string away_reason = {};
 
   void note(const Status& status) {
     const std::lock_guard lock(mutex);
@@ -88,6 +89,7 @@ struct FarmClient::Impl {
       away = false;
     } else if (status.error_code() != StatusCode::CANCELLED) {
       away = true;
+      away_reason = status.error_message();
     }
   }
 
@@ -188,6 +190,11 @@ double FarmClient::away_seconds() const {
   const std::lock_guard lock(impl_->mutex);
   if (!impl_->away) return 0;
   return std::chrono::duration<double>(Clock::now() - impl_->last_answer).count();
+}
+
+std::string FarmClient::away_reason() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->away_reason;
 }
 
 CallResult FarmClient::enroll(Cancellation& cancellation) {

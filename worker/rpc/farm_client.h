@@ -54,6 +54,8 @@ class FarmClient {
   double heartbeat_seconds() const;
   // Seconds since the coordinator was last known to answer, 0 while it does.
   double away_seconds() const;
+  // Why the last call that nobody answered was not, as far as is known.
+  std::string away_reason() const;
 
   // One attempt each. Where the coordinator does not know the worker any more they register it
   // again and answer kAway.

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -29,6 +30,9 @@ class Leases {
 
   // True if the coordinator no longer wants the task.
   bool abandoned(const std::string& task_id) const;
+  // Is told when that becomes true of the lease that is held now. What it calls must not return
+  // here.
+  std::stop_token abandonment(const std::string& task_id) const;
   size_t count() const;
   // True once the coordinator has asked this worker to finish and leave.
   bool drain_requested() const;
@@ -37,7 +41,7 @@ class Leases {
   struct Held {
     uint64_t epoch = 0;
     double fraction = 0;
-    bool abandoned = false;
+    std::stop_source abandoned;
   };
   void beat_until_stopped();
   farm::v1::HeartbeatRequest request() const;

@@ -9,6 +9,9 @@ namespace metrofarm::rpc {
 
 namespace {
 
+// A coordinator that starts together with its workers is there before so many, after some seconds.
+constexpr int kPatientAttempts = 5;
+
 std::string job_of(const std::string& task_id) {
   return task_id.substr(0, task_id.find('/'));
 }
@@ -87,7 +90,13 @@ void Link::ask() {
         attempts = ask_while_connected() ? 0 : attempts + 1;
         break;
       case CallResult::kAway:
-        if (++attempts == 20) shared_.log.warn("waiting for a coordinator", about());
+        if (++attempts == kPatientAttempts) {
+          shared_.log.warn(
+              "waiting for a coordinator: nobody answers there, or the TLS options "
+              "here do not fit those there",
+              {{"server.address", client_.endpoint().address},
+               {"error.message", client_.away_reason()}});
+        }
         break;
       case CallResult::kRefused:
         attempts = std::max(attempts + 1, 10);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <functional>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,11 @@ class OpenFilm {
   bool reserve(uint64_t mutations);
   film::Film& film() { return film_; }
 
+  // Part of a segment is in the film that nobody will finish, and cannot be taken out: the film can
+  // only be discarded, and segments under way may end. From any thread.
+  void spoil() { spoiled_.request_stop(); }
+  std::stop_token spoiled() const { return spoiled_.get_token(); }
+
   // A segment that was rendered into the film, and what else it leaves.
   farm::v1::SegmentResult& add_segment(double cpu_seconds);
   void add_anomalies(const diagnostics::AnomalyLog& anomalies) { anomalies_.merge(anomalies); }
@@ -45,14 +51,14 @@ class OpenFilm {
   // Whether it should be delivered: it is as old as it should become, or will be nearer to that now
   // than after another lease like the last one; or its header has become long.
   bool due(double seal_seconds, double lease_seconds) const;
-  // Delivers what is there, or gives it back where memory runs out.
+  // Delivers what is there, or gives it back where memory runs out. Requires: it is not spoiled.
   void seal(int threads);
-  // Gives all leases back: memory ran out while segments were rendered, and parts of them are in
-  // the film.
+  // Gives all leases back: parts of other segments are in the film.
   void discard();
 
  private:
   film::Film film_;
+  std::stop_source spoiled_;
   Receiver receiver_;
   farm::v1::BatchHeader header_;
   diagnostics::AnomalyLog anomalies_;

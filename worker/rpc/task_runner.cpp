@@ -64,10 +64,10 @@ std::vector<farm::v1::LeaseRef> TaskRunner::run(const Order& order) {
            fault->message);
     }
   } catch (const std::bad_alloc&) {
-    lose_film();
+    out_of_memory();
     fail(order, farm::v1::FAILURE_REASON_WORKER, kNoMemory);
   } catch (const std::length_error&) {  // the standard library's word for absurd sizes
-    lose_film();
+    out_of_memory();
     fail(order, farm::v1::FAILURE_REASON_WORKER, kNoMemory);
   }
   std::vector<farm::v1::LeaseRef> left;
@@ -79,11 +79,14 @@ std::vector<farm::v1::LeaseRef> TaskRunner::run(const Order& order) {
 }
 
 // What was rendered in part is in the film.
-void TaskRunner::lose_film() {
+void TaskRunner::out_of_memory() {
   loading_ = false;
   scenes_.clear();
-  if (film_ != nullptr) film_->discard();
-  film_ = nullptr;
+  discard_film();
+}
+
+void TaskRunner::discard_film() {
+  if (const auto film = std::move(film_)) film->discard();
 }
 
 void TaskRunner::seal() {
@@ -118,6 +121,7 @@ void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
     return run_segments(context, segments_of(order.tasks), order);
   for (const Task& task : order.tasks) {
     if (stopped_) return;
+    if (order.leases.abandoned(task.task_id())) continue;
     settle(order,
            task.has_bootstrap() ? run_bootstrap(context, task) : run_kernel_trials(context, task));
   }
@@ -171,19 +175,29 @@ std::vector<TaskRunner::Segment> TaskRunner::segments_of(const std::vector<Task>
   return segments;
 }
 
-// Work that was begun is finished; what was not is left to others after much longer than a lease
-// should take.
+// Work that was begun and is wanted is finished; what was not begun is left to others after much
+// longer than a lease should take.
 bool TaskRunner::enough(const Order& order) const {
   const std::chrono::duration<double> time = std::chrono::steady_clock::now() - render_start_;
   return stopped_ || time.count() > 4 * lease_seconds(order.seal_seconds);
 }
 
-void TaskRunner::render(const Context& context, film::Film& film, Segment& s, const Order& order) {
-  if (enough(order) || order.leases.abandoned(s.task->task_id())) return;
+void TaskRunner::render(const Context& context, Segment& s, const Order& order) {
+  const std::stop_token abandoned = order.leases.abandonment(s.task->task_id());
+  if (enough(order) || abandoned.stop_requested() || film_->spoiled().stop_requested()) return;
+  const std::stop_callback spoil(abandoned, [this] { film_->spoil(); });
   const BusyThread busy(metrics_);
   const double start = thread_cpu_seconds();
+  run_segment(context, s);
+  s.cpu_seconds = thread_cpu_seconds() - start;
+  metrics_.rendered(s.output.counts.mutations, s.output.counts.rays, s.cpu_seconds);
+}
+
+void TaskRunner::run_segment(const Context& context, Segment& s) {
+  film::Film& film = film_->film();
+  const std::stop_token stop = film_->spoiled();
   if (s.chains == nullptr) {
-    s.output = work_unit::run_path_segment(context, s.number, s.samples, film);
+    s.output = work_unit::run_path_segment(context, s.number, s.samples, film, stop);
   } else {
     const bool fresh = s.chains->state().empty();
     auto state = fresh ? work_unit::start_chains(context, seeds_of(*s.chains))
@@ -193,13 +207,11 @@ void TaskRunner::render(const Context& context, film::Film& film, Segment& s, co
       return;
     }
     s.group = {s.number, std::move(state.value())};
-    s.output = work_unit::run_chain_segment(context, s.group, s.size, film);
+    s.output = work_unit::run_chain_segment(context, s.group, s.size, film, stop);
     if (context.spec().direct_apart)
-      s.output.add(work_unit::run_direct_segment(context, s.number, s.samples, film));
+      s.output.add(work_unit::run_direct_segment(context, s.number, s.samples, film, stop));
   }
-  s.cpu_seconds = thread_cpu_seconds() - start;
   s.done = true;
-  metrics_.rendered(s.output.counts.mutations, s.output.counts.rays, s.cpu_seconds);
 }
 
 namespace {
@@ -237,8 +249,8 @@ void TaskRunner::run_segments(const Context& context, std::vector<Segment> segme
   for (Segment* begin = segments.data();
        begin != end && (begin == segments.data() || !enough(order));) {
     const size_t count = open_film(context.film_shape(), begin, end, order);
-    parallel_for(count, threads_,
-                 [&](size_t i, int) { render(context, film_->film(), begin[i], order); });
+    parallel_for(count, threads_, [&](size_t i, int) { render(context, begin[i], order); });
+    if (film_->spoiled().stop_requested()) return discard_film();
     collect(begin, begin + count, order);
     begin += count;
   }

@@ -35,8 +35,9 @@ class TaskRunner {
   TaskRunner(SceneCache& scenes, Metrics& metrics, int threads);
 
   // Returns the tasks that came to nothing: not begun when stop() was called or when the order took
-  // much longer than a lease should, or lost because their coordinator does not answer. Where
-  // memory runs out the tasks at hand fail, not the worker.
+  // much longer than a lease should, lost because their coordinator does not answer, or abandoned,
+  // with what was rendered beside them. Where memory runs out the tasks at hand fail, not the
+  // worker.
   std::vector<farm::v1::LeaseRef> run(const Order& order);
   // Whether a film is open: it goes on with the next order for the same round, else it is sealed.
   bool collecting() const { return film_ != nullptr; }
@@ -61,15 +62,16 @@ class TaskRunner {
   farm::v1::ReportRequest run_kernel_trials(const work_unit::Context& context,
                                             const farm::v1::Task& task);
   std::vector<Segment> segments_of(const std::vector<farm::v1::Task>& tasks) const;
-  void render(const work_unit::Context& context, film::Film& film, Segment& segment,
-              const Order& order);
+  void render(const work_unit::Context& context, Segment& segment, const Order& order);
+  void run_segment(const work_unit::Context& context, Segment& segment);
   void run_segments(const work_unit::Context& context, std::vector<Segment> segments,
                     const Order& order);
   // Opens a film that can take the first segments of these, unless one is open; returns how many.
   size_t open_film(const film::FilmShape& shape, const Segment* begin, const Segment* end,
                    const Order& order);
   void collect(Segment* begin, Segment* end, const Order& order);
-  void lose_film();
+  void out_of_memory();
+  void discard_film();
   bool enough(const Order& order) const;
 
   SceneCache& scenes_;

@@ -89,7 +89,7 @@ class Worker {
     while (stop_requests() == 0 && !fleet_.drain_requested()) std::this_thread::sleep_for(20ms);
     wind_down(stop_requests);
     if (!rendered_) {
-      // Its leases are given back already, and it cannot be interrupted.
+      // Its leases are given back already. A scene that is being loaded could not be interrupted.
       log_.warn("left before the work at hand was done");
       std::fflush(nullptr);
       std::_Exit(0);
@@ -154,6 +154,11 @@ class Worker {
     if (segments > left.size())
       link.batch_size().observe(segments - left.size(), seconds,
                                 lease_seconds(leased.seal_seconds));
+    give_back(link, left);
+  }
+
+  // Leases on what was not rendered, or in vain: those that the coordinator still knows.
+  void give_back(Link& link, const std::vector<farm::v1::LeaseRef>& left) {
     std::vector<farm::v1::LeaseRef> unused;
     size_t abandoned = 0;
     for (const farm::v1::LeaseRef& ref : left) {
@@ -171,16 +176,14 @@ class Worker {
 
   // Outlives the order: a film may stay open for later ones.
   Receiver receiver(const std::shared_ptr<Link>& link) {
-    return {link.get(),
-            [this, link](Batch batch) {
-              TaskResults results;
-              results.batches.push_back(std::move(batch));
-              outbox_.put(link.get(), std::move(results));
-            },
-            [this, link](const std::vector<farm::v1::LeaseRef>& leases) {
-              metrics_.segments_left("released", leases.size());
-              link->give_back(leases);
-            }};
+    return {
+        link.get(),
+        [this, link](Batch batch) {
+          TaskResults results;
+          results.batches.push_back(std::move(batch));
+          outbox_.put(link.get(), std::move(results));
+        },
+        [this, link](const std::vector<farm::v1::LeaseRef>& leases) { give_back(*link, leases); }};
   }
 
   void give_back(const Leased& leased) {

@@ -28,8 +28,8 @@ struct WorkerOptions {
 
 // Returns the exit code: when drained and what is held was delivered, or once stop_requests() is
 // over 0. Then what is under way is finished and delivered within grace_seconds, or until
-// stop_requests() is over 1, and all other leases are given back. Where a segment takes longer than
-// that the process ends here: nothing can interrupt it.
+// stop_requests() is over 1, and all other leases are given back. Where the work at hand takes
+// longer than that the process ends here.
 int run_worker(const WorkerOptions& options, Log& log, const std::function<int()>& stop_requests);
 
 }  // namespace metrofarm::rpc

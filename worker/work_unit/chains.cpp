@@ -167,13 +167,13 @@ metropolis::PackMembers members_of(const ChainGroup& group, int pack) {
 
 // splatter: may be null, then nothing is splatted.
 SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutations,
-                      film::Splatter* splatter) {
+                      film::Splatter* splatter, const std::stop_token& stop) {
   const Spec& spec = context.spec();
   RenderTarget target(context);
   metropolis::ChainCounts counts;
   const metropolis::Moves moves(spec.proposals());
   const RngKey key = rng_key(spec.seed, RngDomain::kChain);
-  while (mutations > 0) {
+  while (mutations > 0 && !stop.stop_requested()) {
     const uint64_t since_deal = group.state[0].chains.iteration % kDealInterval;
     if (since_deal == 0) deal(group.state);
     const uint64_t now = std::min(mutations, kDealInterval - since_deal);
@@ -198,9 +198,9 @@ SegmentOutput advance(const Context& context, ChainGroup& group, uint64_t mutati
 }  // namespace
 
 SegmentOutput run_chain_segment(const Context& context, ChainGroup& group, uint64_t mutations,
-                                film::Film& film) {
+                                film::Film& film, const std::stop_token& stop) {
   film::Splatter splatter(film, context.filter());
-  SegmentOutput out = advance(context, group, mutations, &splatter);
+  SegmentOutput out = advance(context, group, mutations, &splatter, stop);
   out.digest = splatter.digest();
   return out;
 }
@@ -214,7 +214,7 @@ Result<SegmentOutput> try_kernel(const Context& context, const metropolis::Kerne
   auto state = start_chains(trial, seeds);
   if (!state) return state.error();
   ChainGroup group{0, std::move(state.value())};
-  return advance(trial, group, mutations, nullptr);
+  return advance(trial, group, mutations, nullptr, {});
 }
 
 }  // namespace metrofarm::work_unit

@@ -23,8 +23,9 @@ struct Stream {
 // Traces blocks of cells for consecutive sample numbers.
 class PathRun {
  public:
-  PathRun(const Context& context, Stream stream, film::Film& film)
+  PathRun(const Context& context, Stream stream, film::Film& film, const std::stop_token& stop)
       : context_(context),
+        stop_(stop),
         estimator_(std::move(stream.estimator)),
         source_(rng_key(context.spec().seed, RngDomain::kPath)),
         splatter_(film, context.filter()),
@@ -34,11 +35,13 @@ class PathRun {
   }
 
   void run_blocks(uint64_t first, uint64_t last, const SampleRange& samples) {
-    for (uint64_t block = first; block < last; ++block) run_block(block * kGroupSize, samples);
+    for (uint64_t block = first; block < last && !stop_.stop_requested(); ++block)
+      run_block(block * kGroupSize, samples);
   }
 
   void run_block(uint64_t first_cell, const SampleRange& samples) {
-    for (uint64_t k = samples.first; k < samples.first + samples.count; ++k) {
+    const uint64_t end = samples.first + samples.count;
+    for (uint64_t k = samples.first; k < end && !stop_.stop_requested(); ++k) {
       destination_.half = static_cast<int>(k % film::kHalves);
       destination_.group = static_cast<int>(k % film::kStatisticsGroups);
       for (int i = 0; i < kGroupSize; i += kLanes) run_pack(first_cell + i, k);
@@ -91,6 +94,7 @@ class PathRun {
   }
 
   const Context& context_;
+  const std::stop_token& stop_;
   std::unique_ptr<transport::Estimator> estimator_;
   transport::Contribution found_;
   primary_space::StratifiedSource source_;
@@ -104,8 +108,8 @@ class PathRun {
 }  // namespace
 
 SegmentOutput run_path_segment(const Context& context, uint32_t segment, const SampleRange& samples,
-                               film::Film& film) {
-  PathRun run(context, {context.make_estimator(), 0, context.spec().unit}, film);
+                               film::Film& film, const std::stop_token& stop) {
+  PathRun run(context, {context.make_estimator(), 0, context.spec().unit}, film, stop);
   const uint64_t first = uint64_t(segment) * context.spec().blocks_per_segment;
   run.run_blocks(first, std::min(first + context.spec().blocks_per_segment, context.blocks()),
                  samples);
@@ -115,10 +119,10 @@ SegmentOutput run_path_segment(const Context& context, uint32_t segment, const S
 }
 
 SegmentOutput run_direct_segment(const Context& context, uint32_t group, const SampleRange& samples,
-                                 film::Film& film) {
+                                 film::Film& film, const std::stop_token& stop) {
   PathRun run(context,
               {context.make_direct_estimator(), kDirectLayer, kDirectUnit * context.spec().unit},
-              film);
+              film, stop);
   const uint64_t groups = context.spec().chain_groups;
   run.run_blocks(group * context.blocks() / groups,
                  (group + uint64_t{1}) * context.blocks() / groups, samples);

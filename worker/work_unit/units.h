@@ -1,9 +1,11 @@
 // The units of work: pure functions of the context and their arguments. Same inputs, same bits,
-// whatever thread, machine or order.
+// whatever thread, machine or order. A segment that is told to stop ends within milliseconds: what
+// it has added to the film by then, and its chains, are of no use to anybody.
 #pragma once
 
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "work_unit/context.h"
@@ -61,7 +63,7 @@ struct SegmentOutput {
 
 // Advances every chain of a group by `mutations` and leaves the new state in `chains`.
 SegmentOutput run_chain_segment(const Context& context, ChainGroup& chains, uint64_t mutations,
-                                film::Film& film);
+                                film::Film& film, const std::stop_token& stop = {});
 
 // What becomes of chains that start from these seeds, under another kernel than the spec's.
 Result<SegmentOutput> try_kernel(const Context& context, const metropolis::Kernel& kernel,
@@ -70,10 +72,10 @@ Result<SegmentOutput> try_kernel(const Context& context, const metropolis::Kerne
 // ---- independent paths ----
 
 SegmentOutput run_path_segment(const Context& context, uint32_t segment, const SampleRange& samples,
-                               film::Film& film);
+                               film::Film& film, const std::stop_token& stop = {});
 
 // Direct light of a chain group's share of the cells. Requires: the spec has it apart.
 SegmentOutput run_direct_segment(const Context& context, uint32_t group, const SampleRange& samples,
-                                 film::Film& film);
+                                 film::Film& film, const std::stop_token& stop = {});
 
 }  // namespace metrofarm::work_unit

@@ -37,24 +37,8 @@ farm::v1::BatchHeader splat_some(film::Film& film, float width, float height) {
 uint64_t digest_of_tiles(const Batch& batch, const film::FilmShape& shape) {
   film::Film film(shape);
   uint64_t digest = 0;
-  for (const auto& message : batch.tiles) {
-    for (const farm::v1::Tile& tile : message.tiles()) {
-      const int side = tile.low() ? film::kLowGrid : film::kTileSize;
-      const auto v = test::decode_tile(tile.data(), size_t(side) * side * 3);
-      for (int i = 0; i < side * side; ++i) {
-        const int64_t rgb[3] = {v[i], v[side * side + i], v[2 * side * side + i]};
-        const int x = static_cast<int>(tile.x()) * side + i % side;
-        const int y = static_cast<int>(tile.y()) * side + i / side;
-        if (tile.low()) {
-          digest += film.add_low(static_cast<int>(tile.plane()), i, rgb);
-        } else if (x < shape.width && y < shape.height) {
-          digest += film.add_full(static_cast<int>(tile.plane()), size_t(y) * shape.width + x, rgb);
-        } else {
-          EXPECT_TRUE(rgb[0] == 0 && rgb[1] == 0 && rgb[2] == 0) << "outside the image";
-        }
-      }
-    }
-  }
+  for (const auto& message : batch.tiles)
+    for (const farm::v1::Tile& tile : message.tiles()) digest += test::add_tile(tile, film);
   return digest;
 }
 

@@ -8,6 +8,8 @@
 #include "metrofarm/farm/v1/farm_service.grpc.pb.h"
 #include "rpc/checksum.h"
 #include "rpc/sha256.h"
+#include "tests/support/film_values.h"
+#include "tests/support/tiles.h"
 
 namespace metrofarm::test {
 
@@ -19,6 +21,8 @@ using grpc::Status;
 using metrofarm::rpc::sha256_hex;
 
 namespace {
+
+constexpr int kSide = 64;  // of the image, as in the scene
 
 constexpr char kScene[] = R"(<scene version="3.0.0">
   <integrator type="path"/>
@@ -118,7 +122,7 @@ class FakeCoordinator::Service final : public FarmService::Service {
     for (const LeaseProgress& progress : in->leases()) {
       LeaseDirective& directive = *out->add_directives();
       *directive.mutable_lease() = progress.lease();
-      directive.set_directive(DIRECTIVE_CONTINUE);
+      directive.set_directive(holds(progress.lease()) ? DIRECTIVE_CONTINUE : DIRECTIVE_ABANDON);
     }
     return Status::OK;
   }
@@ -176,7 +180,12 @@ class FakeCoordinator::Service final : public FarmService::Service {
       return {grpc::StatusCode::INVALID_ARGUMENT, "no header"};
     const DeliverHeader header = message.header();
     uint32_t tiles = 0;
-    while (reader->Read(&message)) tiles += static_cast<uint32_t>(message.tiles().tiles_size());
+    uint64_t digest = 0;
+    film::Film batch({kSide, kSide, 1});
+    while (reader->Read(&message)) {
+      tiles += static_cast<uint32_t>(message.tiles().tiles_size());
+      for (const Tile& tile : message.tiles().tiles()) digest += test::add_tile(tile, batch);
+    }
     std::unique_lock lock(mutex);
     ++account.delivering;
     while (hanging_deliveries && !closing_ && !context->IsCancelled()) changed.wait_for(lock, 5ms);
@@ -185,11 +194,13 @@ class FakeCoordinator::Service final : public FarmService::Service {
     if (!workers_.contains(header.worker_id())) return unknown();
     const bool whole = tiles == header.batch().tile_count();
     ++account.batches;
-    bool sound = true;
+    bool sound = digest == header.batch().digest();
     for (const SegmentResult& segment : header.batch().segments())
       sound = sound && segment.checksum() == rpc::checksum(segment);
     for (const SegmentResult& segment : header.batch().segments())
-      if (settle(segment.lease().task_id(), false) && whole && sound) ++account.delivered;
+      if (settle(segment.lease().task_id(), !sound) && whole && sound) ++account.delivered;
+    if (!sound) ++account.unsound;
+    if (sound && whole) add(batch);
     out->set_outcome(!sound ? OUTCOME_CONFLICT : whole ? OUTCOME_COMMITTED : OUTCOME_REJECTED);
     return Status::OK;
   }
@@ -198,6 +209,11 @@ class FakeCoordinator::Service final : public FarmService::Service {
     const std::lock_guard lock(mutex);
     for (int i = 0; i < count; ++i) waiting_.push_back(make_task(samples));
     changed.notify_all();
+  }
+
+  void withdraw(uint64_t samples) {
+    const std::lock_guard lock(mutex);
+    std::erase_if(held_, [&](const Task& task) { return task.spec().round_sizes(0) == samples; });
   }
 
   int open() const { return static_cast<int>(waiting_.size()); }  // requires: mutex
@@ -209,9 +225,22 @@ class FakeCoordinator::Service final : public FarmService::Service {
   double seal_seconds = 1e-9;
   std::string scene = kScene;
   Account account;
+  std::vector<int64_t> film;
 
  private:
   static Status unknown() { return {grpc::StatusCode::NOT_FOUND, "unknown worker"}; }
+
+  bool holds(const LeaseRef& lease) const {
+    return std::ranges::any_of(held_, [&](const Task& task) {
+      return task.task_id() == lease.task_id() && task.epoch() == lease.epoch();
+    });
+  }
+
+  void add(const film::Film& batch) {
+    const std::vector<int64_t> values = test::all_values(batch);
+    film.resize(values.size());
+    for (size_t i = 0; i < values.size(); ++i) film[i] += values[i];
+  }
 
   // Takes a lease off the list; false if nobody held it.
   bool settle(const std::string& task_id, bool again) {
@@ -238,8 +267,8 @@ class FakeCoordinator::Service final : public FarmService::Service {
     spec.set_light_sampling(job::v1::LIGHT_SAMPLING_MIS);
     spec.set_max_depth(3);
     spec.set_rr_depth(5);
-    spec.set_width(64);
-    spec.set_height(64);
+    spec.set_width(kSide);
+    spec.set_height(kSide);
     spec.set_seed(1);
     spec.set_group_size(64);
     spec.set_bootstrap_samples(128);
@@ -312,6 +341,15 @@ void FakeCoordinator::hang(bool on) {
 void FakeCoordinator::hang_deliveries(bool on) {
   const std::lock_guard lock(service_->mutex);
   service_->hanging_deliveries = on;
+}
+
+void FakeCoordinator::withdraw(uint64_t samples) {
+  service_->withdraw(samples);
+}
+
+std::vector<int64_t> FakeCoordinator::film() const {
+  const std::lock_guard lock(service_->mutex);
+  return service_->film;
 }
 
 FakeCoordinator::Account FakeCoordinator::account() const {

@@ -43,6 +43,8 @@ class FakeCoordinator {
   // What lease answers say of it; the default lets every lease be delivered by itself.
   void seal_every(double seconds);
   void drain();
+  // Leases on segments of so many samples are gone: their job is canceled, or others were faster.
+  void withdraw(uint64_t samples);
   // Lease calls, or deliveries, hang from now on, until they are cancelled or this is set to false.
   void hang(bool on);
   void hang_deliveries(bool on);
@@ -58,6 +60,7 @@ class FakeCoordinator {
     int most_renewed = 0;  // leases in one heartbeat
     int delivered = 0;     // segments
     int batches = 0;
+    int unsound = 0;     // batches whose tiles or segments are not what their header says
     int released = 0;    // leases, by name
     int left = 0;        // workers
     int fetched = 0;     // bundles
@@ -66,6 +69,8 @@ class FakeCoordinator {
     std::vector<std::chrono::steady_clock::time_point> grants;
   };
   Account account() const;
+  // Values of everything that was delivered.
+  std::vector<int64_t> film() const;
 
  private:
   class Service;

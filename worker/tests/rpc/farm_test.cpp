@@ -239,6 +239,40 @@ TEST(Farm, WhatIsCollectedIsDeliveredBeforeTheWorkerLeaves) {
   EXPECT_GE(account.delivered, 4) << "two leases were rendered before";
 }
 
+// What the interrupted segment has left in the film must not be delivered; what else was in it is
+// rendered again.
+TEST(Farm, WhatWasInTheFilmOfAnInterruptedSegmentIsRenderedAgain) {
+  constexpr int kWanted = 8;
+  const auto film_of = [](FakeCoordinator& farm) {
+    RunningWorker worker(farm.address());
+    worker.start();
+    EXPECT_TRUE(eventually([&] {
+      const auto account = farm.account();
+      return account.delivered == kWanted || account.unsound > 0;
+    })) << worker.log();
+    return farm.film();
+  };
+  FakeCoordinator undisturbed;
+  undisturbed.add_segments(kWanted);
+  const std::vector<int64_t> expected = film_of(undisturbed);
+  EXPECT_GT(*std::max_element(expected.begin(), expected.end()), 0);
+
+  FakeCoordinator farm;
+  farm.seal_every(600);
+  farm.add_segments(kWanted);
+  // As large as a segment can be that goes into the film of others: it takes many seconds.
+  constexpr uint64_t kLong = (uint64_t{1} << 20) - 1000;
+  farm.add_segments(1, kLong);
+  std::jthread nobody_wants_it([&] {
+    EXPECT_TRUE(eventually([&] { return farm.account().granted == kWanted + 1; }));
+    std::this_thread::sleep_for(500ms);
+    farm.withdraw(kLong);
+  });
+  EXPECT_EQ(film_of(farm), expected);
+  EXPECT_EQ(farm.account().unsound, 0);
+  EXPECT_GT(farm.account().released, 0) << "the others were in the same film";
+}
+
 TEST(Farm, ADrainedWorkerFinishesAndLeaves) {
   FakeCoordinator farm;
   farm.add_segments(10);

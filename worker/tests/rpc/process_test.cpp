@@ -85,6 +85,14 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+// Has a worker at work on a segment without end.
+void start_endless(FakeCoordinator& farm, const Process& worker) {
+  const int granted = farm.account().granted;
+  farm.add_segments(1, kForever);
+  ASSERT_TRUE(eventually([&] { return farm.account().granted > granted; })) << worker.log();
+  std::this_thread::sleep_for(500ms);
+}
+
 TEST(Process, SigtermFinishesWhatIsUnderWayAndGivesTheRestBack) {
   FakeCoordinator farm;
   Process worker(farm.address(), {"--grace", "3600"});
@@ -104,9 +112,7 @@ TEST(Process, SigtermFinishesWhatIsUnderWayAndGivesTheRestBack) {
 TEST(Process, AfterTheGraceItLeavesWhatItCannotFinish) {
   FakeCoordinator farm;
   Process worker(farm.address(), {"--grace", "1"});
-  farm.add_segments(1, kForever);
-  ASSERT_TRUE(eventually([&] { return farm.account().granted == 1; })) << worker.log();
-  std::this_thread::sleep_for(500ms);
+  start_endless(farm, worker);
   const auto start = Clock::now();
   worker.terminate();
   EXPECT_EQ(worker.code(), 0) << worker.log();
@@ -119,14 +125,52 @@ TEST(Process, AfterTheGraceItLeavesWhatItCannotFinish) {
 TEST(Process, ASecondSigtermDoesNotWait) {
   FakeCoordinator farm;
   Process worker(farm.address(), {"--grace", "3600"});
-  farm.add_segments(1, kForever);
-  ASSERT_TRUE(eventually([&] { return farm.account().granted == 1; })) << worker.log();
-  std::this_thread::sleep_for(500ms);
+  start_endless(farm, worker);
   worker.terminate();
   std::this_thread::sleep_for(300ms);
   EXPECT_FALSE(worker.ended()) << worker.log();
   worker.terminate();
   EXPECT_EQ(worker.code(), 0) << worker.log();
+  EXPECT_EQ(farm.account().left, 1);
+}
+
+TEST(Process, ASegmentThatNobodyWantsFreesItsThread) {
+  FakeCoordinator farm;
+  Process worker(farm.address());
+  start_endless(farm, worker);
+  const auto start = Clock::now();
+  farm.withdraw(kForever);
+  farm.add_segments(5);
+  EXPECT_TRUE(eventually([&] { return farm.account().delivered == 5; })) << worker.log();
+  // About a heartbeat, which is 0.1 s here; the rest is for machines that are busy.
+  EXPECT_LT(seconds_since(start), 20);
+  EXPECT_EQ(farm.account().unsound, 0);
+  EXPECT_EQ(farm.account().released, 0) << "there was nothing to give back";
+}
+
+TEST(Process, ADrainedWorkerDoesNotFinishWhatNobodyWants) {
+  FakeCoordinator farm;
+  Process worker(farm.address());
+  start_endless(farm, worker);
+  farm.drain();
+  std::this_thread::sleep_for(500ms);
+  EXPECT_FALSE(worker.ended()) << "it finishes what is under way";
+  farm.withdraw(kForever);
+  EXPECT_EQ(worker.code(), 0) << worker.log();
+  EXPECT_EQ(farm.account().batches, 0);
+  EXPECT_EQ(farm.account().left, 1);
+}
+
+TEST(Process, AfterSigtermItDoesNotFinishWhatNobodyWants) {
+  FakeCoordinator farm;
+  Process worker(farm.address(), {"--grace", "3600"});
+  start_endless(farm, worker);
+  worker.terminate();
+  std::this_thread::sleep_for(300ms);
+  EXPECT_FALSE(worker.ended()) << "it finishes what is under way";
+  farm.withdraw(kForever);
+  EXPECT_EQ(worker.code(), 0) << worker.log();
+  EXPECT_EQ(farm.account().batches, 0);
   EXPECT_EQ(farm.account().left, 1);
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <stop_token>
 
 #include "tests/support/film_values.h"
 #include "tests/support/statistics.h"
@@ -175,6 +176,32 @@ TEST(PathSegments, AnEvenImageIsEvenToTheEdges) {
     const double expected = 500 * double(i % 3 + 1) / job.context.spec().unit;
     EXPECT_NEAR(double(plane[i]) / film::kFixedOne / expected, 1, 0.2);
   }
+}
+
+// A segment that is not wanted any more ends soon, wherever it is.
+TEST(Interruption, EndsEverySegment) {
+  std::stop_source stop;
+  stop.request_stop();
+  test::Job job(Integrator::kPath);
+  film::Film film(job.context.film_shape());
+  const SegmentOutput deep = run_path_segment(job.context, 0, {0, 1000}, film, stop.get_token());
+  EXPECT_LE(deep.counts.path_evaluations, uint64_t{kGroupSize});
+  Spec spec = job.context.spec();
+  spec.blocks_per_segment = 5;
+  const SegmentOutput wide =
+      run_path_segment(Context(job.scene, spec), 0, {0, 1}, film, stop.get_token());
+  EXPECT_LE(wide.counts.path_evaluations, uint64_t{kGroupSize});
+
+  spec.integrator = Integrator::kPssmlt;
+  spec.direct_apart = true;
+  spec.chain_groups = 1;
+  const Context context(job.scene, spec);
+  film::Film layers(context.film_shape());
+  const SegmentOutput direct = run_direct_segment(context, 0, {0, 1000}, layers, stop.get_token());
+  EXPECT_LE(direct.counts.path_evaluations, uint64_t{kGroupSize});
+  ChainGroup chains{0, start_chains(context, test::seeds_from(context, 0)).value()};
+  const SegmentOutput steps = run_chain_segment(context, chains, 1000, layers, stop.get_token());
+  EXPECT_LE(steps.counts.mutations, kDealInterval * kGroupSize);
 }
 
 scene::SceneDescription with_infinite_light() {
