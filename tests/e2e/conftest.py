@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ MakeFarm = Callable[..., Farm]
 def make_farm(tmp_path: Path) -> Iterator[MakeFarm]:
     farms: list[Farm] = []
 
-    def make(**options: int) -> Farm:
+    def make(**options: Any) -> Farm:
         folder = tmp_path / f"farm-{len(farms)}"
         folder.mkdir()
         farms.append(Farm(folder, **options))

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import socket
+import ssl
 import subprocess
 import time
 import urllib.error
@@ -84,6 +85,9 @@ class Process:
 class Rest:
     """The REST interface of a coordinator."""
 
+    token: str = ""
+    trust: ssl.SSLContext | None = None  # where it speaks https
+
     @property
     def url(self) -> str:
         raise NotImplementedError
@@ -98,9 +102,10 @@ class Rest:
     ) -> Answer:
         headers = {"Content-Type": media_type} if media_type else {}
         headers |= {"Idempotency-Key": idempotency_key} if idempotency_key else {}
+        headers |= {"Authorization": f"Bearer {self.token}"} if self.token else {}
         request = urllib.request.Request(self.url + path, body, headers, method=method)
         try:
-            with urllib.request.urlopen(request, timeout=30) as reply:
+            with urllib.request.urlopen(request, timeout=30, context=self.trust) as reply:
                 return Answer(reply.status, reply.headers, reply.read())
         except urllib.error.HTTPError as refusal:
             return Answer(refusal.code, refusal.headers, refusal.read())
@@ -172,12 +177,14 @@ class Farm(Rest):
     port: int = field(default_factory=free_port)
     farm_port: int = field(default_factory=free_port)
     options: tuple[str, ...] = ()
+    token: str = ""
+    trust: ssl.SSLContext | None = None
     coordinator: Process | None = None
     workers: dict[str, Process] = field(default_factory=dict)
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+        return f"{'https' if self.trust else 'http'}://127.0.0.1:{self.port}"
 
     def start(self) -> None:
         arguments = [str(METROFARM), "serve", "--listen", f"127.0.0.1:{self.port}"]
@@ -201,9 +208,10 @@ class Farm(Rest):
         log = (self.folder / "coordinator.log").read_text(errors="replace")
         raise RuntimeError(f"the coordinator is not ready:\n{log[-4000:]}")
 
-    def start_worker(self, name: str) -> None:
+    def start_worker(self, name: str, *options: str) -> None:
         arguments = [str(WORKER), "--coordinator", f"127.0.0.1:{self.farm_port}", "--name", name]
         arguments += ["--threads", str(self.threads), "--cache", str(self.folder / f"cache-{name}")]
+        arguments += options
         self.workers[name] = Process(arguments, self.folder / f"{name}.log")
 
     def close(self) -> None:
