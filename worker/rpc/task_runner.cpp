@@ -121,7 +121,6 @@ void TaskRunner::run_loaded(const Order& order, const LoadedScene& scene) {
     return run_segments(context, segments_of(order.tasks), order);
   for (const Task& task : order.tasks) {
     if (stopped_) return;
-    if (order.leases.abandoned(task.task_id())) continue;
     settle(order,
            task.has_bootstrap() ? run_bootstrap(context, task) : run_kernel_trials(context, task));
   }
