@@ -8,6 +8,7 @@ import (
 	"time"
 
 	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/plan"
 	"metrofarm/services/internal/render"
 	"metrofarm/services/internal/round"
 	"metrofarm/services/internal/tally"
@@ -117,7 +118,7 @@ func (r *run) adopt(folded *render.State, unwound uint64, point job.ConvergenceP
 	maps.DeleteFunc(r.checks.by, func(key segmentKey, _ countedBy) bool { return key.round < r.state.Closed-1 })
 	r.c.log.Info("round complete", "job", r.id, "round", point.Round, "rel_mse", point.RelMSE, "film_sha256", point.FilmSHA256)
 	r.warnOfTrapped(&r.state.Account.Counts)
-	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), r.perPixel(), relErrors(r.state.Points), r.rec.Decision)
+	decision, last := round.Decide(r.rec.Request.Stop, r.spec.GetRoundSizes(), plan.PerPixel(r.spec), relErrors(r.state.Points), r.rec.Decision)
 	if last {
 		r.state.Drop()
 		r.clearTasks()
@@ -144,15 +145,6 @@ func (r *run) warnOfTrapped(counts *tally.Counts) {
 var trappedWarning = fmt.Sprintf("chains do not move for %d mutations and more", tally.TrappedAfter)
 
 func isTrappedWarning(text string) bool { return strings.HasPrefix(text, trappedWarning) }
-
-// perPixel is what one unit of a round's size amounts to per pixel.
-func (r *run) perPixel() float64 {
-	if !r.state.Chains() {
-		return 1
-	}
-	pixels := float64(r.spec.GetWidth()) * float64(r.spec.GetHeight())
-	return float64(r.spec.GetChainGroups()) * float64(r.spec.GetGroupSize()) / pixels
-}
 
 // relErrors lists the errors by round, negative where unknown.
 func relErrors(points []job.ConvergencePoint) []float64 {

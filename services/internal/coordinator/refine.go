@@ -146,7 +146,7 @@ func (r *run) asksForMore(extended bool) error {
 	}
 	errors := relErrors(r.state.Points)
 	for n := 1; n <= len(errors); n++ {
-		decision, last := round.Decide(request.Stop, r.spec.GetRoundSizes(), r.perPixel(), errors[:n], nil)
+		decision, last := round.Decide(request.Stop, r.spec.GetRoundSizes(), plan.PerPixel(r.spec), errors[:n], nil)
 		if !last {
 			continue
 		}

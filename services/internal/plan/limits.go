@@ -54,7 +54,10 @@ func (l Limits) CheckRequest(r job.Request) error {
 		if err := l.checkSize(spec, "resolved"); err != nil {
 			return err
 		}
-		return l.checkCount("resolved", "chains", uint64(Chains(spec)), l.Chains)
+		if err := l.checkCount("resolved", "chains", uint64(Chains(spec)), l.Chains); err != nil {
+			return err
+		}
+		return l.checkRounds(spec, r.Stop)
 	}
 	pixels := uint64(max(1, r.Width)) * uint64(max(1, r.Height))
 	for _, check := range []error{
@@ -94,14 +97,21 @@ func (l Limits) Check(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.S
 	if err := l.checkCount("chains", "chains", uint64(Chains(spec)), l.Chains); err != nil {
 		return err
 	}
+	if err := l.checkPerPixel(spec, r, report); err != nil {
+		return err
+	}
+	return l.checkSize(spec, sizeField(r))
+}
+
+func (l Limits) checkPerPixel(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) error {
+	if r.Resolved != "" {
+		return l.checkRounds(spec, r.Stop)
+	}
 	field := "stop.samples_per_pixel"
 	if RunsChains(spec) {
 		field = "stop.mutations_per_pixel"
 	}
-	if err := l.checkCount(field, "per pixel", requestedPerPixel(spec, r, report), l.PerPixel); err != nil {
-		return err
-	}
-	return l.checkSize(spec, sizeField(r))
+	return l.checkCount(field, "per pixel", requestedPerPixel(spec, r, report), l.PerPixel)
 }
 
 func (l Limits) checkSize(spec *jobv1.ResolvedSpec, field string) error {

@@ -13,9 +13,15 @@ import (
 
 // Limits on specs that come from outside.
 const (
+	// maxSpecBytes of a spec's text: the largest target map takes a quarter of it.
+	maxSpecBytes     = 256 << 10
 	maxChainGroups   = 1 << 14
 	maxSpecRounds    = 4096
 	maxSpecBootstrap = 1 << 24
+	// minUnit and maxUnit keep the unit and its reciprocal, also of direct light, ordinary numbers in a
+	// worker's float32, and the squares of what is measured in it finite in float64.
+	minUnit = 1e-30
+	maxUnit = 1e30
 )
 
 // FormatResolved renders a spec as Request.Resolved takes it.
@@ -29,6 +35,9 @@ func FormatResolved(spec *jobv1.ResolvedSpec) (string, error) {
 
 // ParseResolved reads the spec of an earlier job and checks it. Errors are *job.FieldError.
 func ParseResolved(text string) (*jobv1.ResolvedSpec, error) {
+	if len(text) > maxSpecBytes {
+		return nil, &job.FieldError{Field: "resolved", Detail: fmt.Sprintf("has %d bytes; a spec has at most %d", len(text), maxSpecBytes)}
+	}
 	spec := &jobv1.ResolvedSpec{}
 	if err := protojson.Unmarshal([]byte(text), spec); err != nil {
 		return nil, &job.FieldError{Field: "resolved", Detail: err.Error()}
@@ -41,7 +50,6 @@ func ParseResolved(text string) (*jobv1.ResolvedSpec, error) {
 
 // checkSpec says what is wrong with a complete spec, "" if nothing is.
 func checkSpec(s *jobv1.ResolvedSpec) string {
-	group := uint64(s.GetGroupSize())
 	switch {
 	case film.Shape{Width: int(s.GetWidth()), Height: int(s.GetHeight()), Layers: 1}.Validate() != nil,
 		uint64(s.GetWidth())*uint64(s.GetHeight()) > maxPixels:
@@ -54,12 +62,12 @@ func checkSpec(s *jobv1.ResolvedSpec) string {
 		return "max_depth or rr_depth is out of range"
 	case Multiplexed(s) && (s.GetMaxDepth() < 1 || s.GetMaxDepth() > LongestMultiplexed):
 		return "max_depth is outside 1..32, which mmlt takes"
-	case group < 1 || group > 4096:
-		return "group_size is outside 1..4096"
-	case s.GetBootstrapSamples() == 0 || s.GetBootstrapSamples() > maxSpecBootstrap || s.GetBootstrapSamples()%(2*group) != 0:
+	case s.GetGroupSize() != GroupSize:
+		return fmt.Sprintf("group_size is %d; workers have groups of %d", s.GetGroupSize(), GroupSize)
+	case s.GetBootstrapSamples() == 0 || s.GetBootstrapSamples() > maxSpecBootstrap || s.GetBootstrapSamples()%(film.Halves*GroupSize) != 0:
 		return "bootstrap_samples is not an even multiple of group_size"
-	case !(s.GetUnit() > 0) || math.IsInf(s.GetUnit(), 0):
-		return "unit is not positive and finite"
+	case !(s.GetUnit() >= minUnit && s.GetUnit() <= maxUnit):
+		return fmt.Sprintf("unit is %v, outside %v..%v", s.GetUnit(), minUnit, maxUnit)
 	case len(s.GetRoundSizes()) == 0 || len(s.GetRoundSizes()) > maxSpecRounds:
 		return "round_sizes is empty or too long"
 	}
@@ -68,7 +76,10 @@ func checkSpec(s *jobv1.ResolvedSpec) string {
 			return "a round size is out of range"
 		}
 	}
-	return checkIntegrator(s)
+	if detail := checkIntegrator(s); detail != "" {
+		return detail
+	}
+	return checkWork(s)
 }
 
 func checkIntegrator(s *jobv1.ResolvedSpec) string {
