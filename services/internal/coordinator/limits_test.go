@@ -10,6 +10,7 @@ import (
 
 	"metrofarm/services/internal/auth"
 	"metrofarm/services/internal/coordinator"
+	"metrofarm/services/internal/coordinator/fakeworker"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/plan"
 )
@@ -36,6 +37,22 @@ func TestJobsThatAskForTooMuchAreRefused(t *testing.T) {
 	small := chainsRequest(1)
 	small.Width, small.Height = 40, 40
 	s.finished(s.submit(small))
+}
+
+// TestAnEstimateThatIsNoNumberFailsItsJob: squares that overflow make the error of b infinite.
+func TestAnEstimateThatIsNoNumberFailsItsJob(t *testing.T) {
+	s := newSite(t)
+	s.start()
+	defer s.stop()
+	dismiss := s.crew(workers(1, func(w *fakeworker.Worker) { w.Glare = 1e153 })...)
+	id := s.submit(chainsRequest(100))
+	failed := s.await(id, "ended", func(j job.Snapshot) bool { return j.State.Ended() })
+	if failed.State != job.Failed || !strings.Contains(failed.Error, "b_standard_error is +Inf after round") {
+		t.Errorf("%s after %d rounds: %q", failed.State, failed.RoundsDone, failed.Error)
+	}
+	dismiss()
+	defer s.crew(workers(1, nil)...)()
+	s.finished(s.submit(chainsRequest(1))) // the coordinator is well
 }
 
 func TestJobsRememberTheirUser(t *testing.T) {

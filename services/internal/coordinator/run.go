@@ -36,14 +36,16 @@ type run struct {
 	standing standing
 	table    *lease.Table // its changes require mu
 
-	mu      sync.Mutex
-	rec     store.Record
-	behind  bool     // the store has not all of rec; nothing is done until it has
-	loading bool     // its checkpoint is being read
-	parked  func()   // goes on with a job that waits for room; nil: it does not wait
-	garbage []string // blobs that the record does not name any more
-	tasks   map[string]taskKey
-	checks  checks
+	mu        sync.Mutex
+	rec       store.Record
+	condemned bool     // it was spoiled
+	behind    bool     // the store has not all of rec; nothing is done until it has
+	spoiled   error    // why rec cannot be stored; housekeeping condemns the job for it
+	loading   bool     // its checkpoint is being read
+	parked    func()   // goes on with a job that waits for room; nil: it does not wait
+	garbage   []string // blobs that the record does not name any more
+	tasks     map[string]taskKey
+	checks    checks
 	// uncounted is how often something was taken back of open rounds: a checkpoint of before may have it.
 	uncounted uint64
 
@@ -272,7 +274,7 @@ func (r *run) save() (saved bool) {
 		return false
 	}
 	r.behind = true
-	if r.c.down.Load() {
+	if r.c.down.Load() || r.spoiled != nil {
 		return false
 	}
 	r.rec.Revision++
@@ -286,6 +288,8 @@ func (r *run) save() (saved bool) {
 		return true
 	case errors.Is(err, store.ErrFenced), errors.Is(err, job.ErrNotFound):
 		r.c.lose(r)
+	case errors.Is(err, store.ErrNotJSON):
+		r.spoil(err)
 	default:
 		r.c.trouble(err)
 	}
@@ -298,6 +302,9 @@ func (r *run) catchUp() bool {
 	r.mu.Lock()
 	defer r.mu.Unlock()
 	held := r.behind
+	if r.spoiled != nil {
+		r.condemn()
+	}
 	if (r.behind || len(r.events.unsaved) > 0) && r.save() && held {
 		r.c.announce()
 	}

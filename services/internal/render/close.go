@@ -135,7 +135,30 @@ func (s *State) Evaluate() (job.ConvergencePoint, error) {
 		point.EffectiveSamples = effective.Samples
 		point.EffectiveSamplesPerMutation = effective.PerMutation
 	}
-	return point, nil
+	return point, checkFinite(&point)
+}
+
+// checkFinite names an estimate that is infinite or no number: the unit of the film, or what workers
+// report of the light, is beyond what images can have.
+func checkFinite(p *job.ConvergencePoint) error {
+	for _, c := range []struct {
+		name  string
+		value float64
+	}{
+		{"rel_mse", p.RelMSE},
+		{"rel_mse_interval.low", p.RelMSEInterval.Low},
+		{"rel_mse_interval.high", p.RelMSEInterval.High},
+		{"b", p.B},
+		{"b_standard_error", p.BStandardError},
+		{"effective_samples", p.EffectiveSamples},
+		{"effective_samples_per_mutation", p.EffectiveSamplesPerMutation},
+	} {
+		if math.IsNaN(c.value) || math.IsInf(c.value, 0) {
+			return fmt.Errorf("render: %s is %v after round %d: the light is too bright or too dark for the numbers of an image; "+
+				"scale the scene's lights", c.name, c.value, p.Round)
+		}
+	}
+	return nil
 }
 
 // pathB is the mean luminance of a path-traced image; the halves' difference is its error.

@@ -29,6 +29,10 @@ var ErrOwned = errors.New("the job is owned by another coordinator")
 // ErrKeyReused: the idempotency key belongs to another request.
 var ErrKeyReused = errors.New("idempotency key was used for another request")
 
+// ErrNotJSON: a record or an event has a value that no JSON document can hold, an infinite number or one
+// that is none. It speaks against the job, not against the store.
+var ErrNotJSON = errors.New("it has a value that cannot be stored")
+
 // ErrUnavailable: the store cannot be reached now. Whether the change was made is unknown; making it
 // again is safe.
 var ErrUnavailable = fmt.Errorf("store: %w", job.ErrUnavailable)
@@ -163,7 +167,8 @@ type Store interface {
 	CreateSequence(ctx context.Context, c Claim, s Sequence, jobs []Record, key, fingerprint string) (stored Sequence, created bool, err error)
 
 	// UpdateJob replaces a record and appends events, in one step. A repetition of the last update
-	// (same revision) changes nothing; an older revision fails with ErrFenced.
+	// (same revision) changes nothing; an older revision fails with ErrFenced. What is not JSON fails with
+	// ErrNotJSON, and nothing of it is stored.
 	UpdateJob(ctx context.Context, epoch uint64, r Record, events []job.Event) error
 
 	// DeleteJob removes a job, its events and its idempotency key; with the last job of a sequence that,

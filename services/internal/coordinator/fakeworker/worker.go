@@ -48,6 +48,8 @@ type Worker struct {
 	Trapped bool
 	// Lie is added to a value of every segment, with digests that fit: 0 is honest.
 	Lie int64
+	// Glare multiplies f where large steps of chains report it, unless it is 0.
+	Glare float64
 	// Rendered is told of each batch before it is delivered; nil: nobody is.
 	Rendered func(*farmv1.BatchHeader, []*farmv1.Tile)
 	// Seal: collect over leases for as long as the coordinator says.
@@ -365,6 +367,11 @@ func (w *Worker) render(number uint32, tasks []*farmv1.Task) (*farmv1.BatchHeade
 			}
 		} else {
 			result = c.renderPaths(spec, plan.Cells(spec, w.Report), t.GetPaths())
+		}
+		if w.Glare != 0 {
+			for _, sums := range result.GetLargeStepSums() {
+				sums.Sum, sums.SumSquares = w.Glare*sums.GetSum(), w.Glare*w.Glare*sums.GetSumSquares()
+			}
 		}
 		if w.Lie != 0 {
 			result.Digest += c.add(0, 0, 0, 0, 0, w.Lie)

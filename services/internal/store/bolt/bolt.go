@@ -402,7 +402,7 @@ func bigEndian(n uint64) []byte { return binary.BigEndian.AppendUint64(nil, n) }
 func putJSON(b *bbolt.Bucket, key []byte, v any) error {
 	content, err := json.Marshal(v)
 	if err != nil {
-		return err
+		return fmt.Errorf("%w: %w", store.ErrNotJSON, err)
 	}
 	return b.Put(key, content)
 }

@@ -91,7 +91,7 @@ return {'created', number, ''}
 
 // CreateJob implements store.Store.
 func (s *Store) CreateJob(ctx context.Context, c store.Claim, r store.Record, key, fingerprint string) (store.Record, bool, error) {
-	record, err := json.Marshal(r)
+	record, err := encode(r)
 	if err != nil {
 		return store.Record{}, false, wrap("create job", err)
 	}
@@ -153,7 +153,7 @@ return {'ok'}
 
 // UpdateJob implements store.Store.
 func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, events []job.Event) error {
-	record, err := json.Marshal(r)
+	record, err := encode(r)
 	if err != nil {
 		return wrapJob("update job", r.ID, err)
 	}
@@ -163,7 +163,7 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 	}
 	args := []any{epoch, r.Revision, ended, record, store.MaxEvents, store.MaxChanges, r.ID, string(r.State)}
 	for _, e := range events {
-		text, err := json.Marshal(e)
+		text, err := encode(e)
 		if err != nil {
 			return wrapJob("update job", r.ID, err)
 		}

@@ -2,6 +2,7 @@ package redis
 
 import (
 	"context"
+	"encoding/json"
 	"errors"
 	"fmt"
 	"time"
@@ -98,6 +99,15 @@ var verdicts = map[string]error{
 	"missing": job.ErrNotFound,
 	"owned":   store.ErrOwned,
 	"reused":  store.ErrKeyReused,
+}
+
+// encode makes JSON of what is to be stored.
+func encode(v any) ([]byte, error) {
+	content, err := json.Marshal(v)
+	if err != nil {
+		return nil, fmt.Errorf("%w: %w", store.ErrNotJSON, err)
+	}
+	return content, nil
 }
 
 func wrap(what string, err error) error {

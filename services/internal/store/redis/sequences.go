@@ -45,14 +45,14 @@ return {'created', number, ''}
 
 // CreateSequence implements store.Store.
 func (s *Store) CreateSequence(ctx context.Context, c store.Claim, q store.Sequence, jobs []store.Record, key, fingerprint string) (store.Sequence, bool, error) {
-	record, err := json.Marshal(q)
+	record, err := encode(q)
 	if err != nil {
 		return store.Sequence{}, false, wrap("create sequence", err)
 	}
 	keys := []string{s.sequenceKey(q.ID), s.key("order"), s.key("number"), s.key("keys"), s.key("leases"), s.key("sequences")}
 	args := []any{q.ID, record, c.Owner, milliseconds(c.TTL), key, fingerprint}
 	for _, r := range jobs {
-		record, err := json.Marshal(r)
+		record, err := encode(r)
 		if err != nil {
 			return store.Sequence{}, false, wrap("create sequence", err)
 		}

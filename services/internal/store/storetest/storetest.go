@@ -5,6 +5,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"math"
 	"reflect"
 	"testing"
 	"time"
@@ -29,6 +30,7 @@ func Run(t *testing.T, newSite func(t *testing.T) Site) {
 	for name, test := range map[string]func(*testing.T, Site){
 		"former owners are fenced off":       testFencing,
 		"an older update changes nothing":    testRevisions,
+		"what is not JSON is refused":        testNotJSON,
 		"calls can be repeated":              testRepetition,
 		"jobs survive reopening":             testDurability,
 		"idempotency keys":                   testKeys,
@@ -389,5 +391,28 @@ func testChanges(t *testing.T, site Site) {
 	}
 	if now, same := changes(t, s, ""); len(now) != 0 || same != last {
 		t.Errorf("%v to who begins now at %q, the last being %q", now, same, last)
+	}
+}
+
+func testNotJSON(t *testing.T, site Site) {
+	s := site.Open(t)
+	defer s.Close()
+	r, _ := create(t, s, "a", "job-1", "", "")
+	nan, events := r, []job.Event{{Sequence: 1, Kind: "round", Convergence: &job.ConvergencePoint{B: math.Inf(1)}}}
+	nan.Revision, nan.Convergence = 1, []job.ConvergencePoint{{BStandardError: math.NaN()}}
+	if err := s.UpdateJob(t.Context(), 1, nan, nil); !errors.Is(err, store.ErrNotJSON) {
+		t.Errorf("a record with a NaN: %v", err)
+	}
+	r.Revision, r.Paused = 1, true
+	if err := s.UpdateJob(t.Context(), 1, r, events); !errors.Is(err, store.ErrNotJSON) {
+		t.Errorf("an event with an infinite number: %v", err)
+	}
+	stored, err := s.Job(t.Context(), "job-1")
+	if err != nil || stored.Revision != 0 || stored.Paused {
+		t.Errorf("%+v, error %v", stored, err)
+	}
+	events[0].Convergence = nil
+	if err := s.UpdateJob(t.Context(), 1, r, events); err != nil {
+		t.Errorf("the job as it should be: %v", err)
 	}
 }
