@@ -1,6 +1,7 @@
 package job
 
 import (
+	"encoding/json"
 	"errors"
 	"fmt"
 	"strings"
@@ -22,11 +23,13 @@ const (
 // Limits on sequences.
 const (
 	// MaxFrames of one sequence: it is created whole or not at all, in one step.
-	MaxFrames   = 1000
-	maxFrame    = 999_999
-	maxFPS      = 1e6
-	maxAngle    = 3600 // ten frames
-	frameSuffix = len(" frame 999999")
+	MaxFrames = 1000
+	// maxFrameBytes of the frames' requests together, as they are stored.
+	maxFrameBytes = 32 << 20
+	maxFrame      = 999_999
+	maxFPS        = 1e6
+	maxAngle      = 3600 // ten frames
+	frameSuffix   = len(" frame 999999")
 )
 
 // Deleted is the state of a frame whose job was deleted. No job has it.
@@ -111,8 +114,32 @@ func (s *SequenceRequest) Validate() error {
 	if err := s.Job.Validate(); err != nil {
 		return inJob(err)
 	}
+	if err := s.checkShutters(); err != nil {
+		return err
+	}
+	return s.checkBytes()
+}
+
+// checkShutters looks at the times of the first and the last frame; the others are between.
+func (s *SequenceRequest) checkShutters() error {
 	opens, closes := s.Frames.Shutter(s.Frames.Start)
+	if _, last := s.Frames.Shutter(s.Frames.End); !(-opens <= maxSeconds && last <= maxSeconds) {
+		return invalid("frames.fps", "makes shutters open between %v and %v, outside -%v..%v seconds", opens, last, maxSeconds, maxSeconds)
+	}
 	return inJob(s.Job.CheckOpen(opens, closes))
+}
+
+// checkBytes bounds what is stored in one step: each frame has a request of its own.
+func (s *SequenceRequest) checkBytes() error {
+	request, err := json.Marshal(s.Job)
+	if err != nil {
+		return fmt.Errorf("job: %w", err)
+	}
+	if all := len(request) * s.Frames.Count(); all > maxFrameBytes {
+		return invalid("frames.end", "makes %d frames with requests of %d bytes each, %d together; one sequence has at most %d: "+
+			"ask for fewer frames or give fewer defaults", s.Frames.Count(), len(request), all, maxFrameBytes)
+	}
+	return nil
 }
 
 func (f *Frames) validate() error {

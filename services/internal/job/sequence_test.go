@@ -90,6 +90,14 @@ func TestSequenceRefusalsNameTheField(t *testing.T) {
 		"resolved": {func(s *SequenceRequest) { s.Job.Resolved = "{}" }, "job.resolved", "single jobs"},
 		"open":     {func(s *SequenceRequest) { s.Job.ShutterOpen = at(0) }, "job.shutter_open", "frames"},
 		"close":    {func(s *SequenceRequest) { s.Job.ShutterClose = at(0) }, "job.shutter_close", "frames"},
+		"slow":     {func(s *SequenceRequest) { s.Frames.FPS = 1e-300 }, "frames.fps", "outside -1e+09..1e+09 seconds"},
+		"ages":     {func(s *SequenceRequest) { s.Frames.FPS = 5e-9 }, "frames.fps", "makes shutters open between 1.5e+08 and 1.05e+09"},
+		"large": {func(s *SequenceRequest) {
+			s.Frames.End, s.Job.Defaults = 1000, map[string]string{"a": strings.Repeat("x", 40_000)}
+		}, "frames.end", "1000 frames with requests of 40"},
+		"escaped": {func(s *SequenceRequest) {
+			s.Frames.End, s.Job.Defaults = 500, map[string]string{"a": strings.Repeat("\x01", 20_000)}
+		}, "frames.end", "500 frames with requests of 120"},
 		"instant camera": {func(s *SequenceRequest) {
 			s.Job.Exposure, s.Frames.ShutterAngle = ExposureCamera, at(0)
 		}, "job.exposure", "open for some time"},
@@ -101,7 +109,7 @@ func TestSequenceRefusalsNameTheField(t *testing.T) {
 			t.Errorf("%s: %v", name, err)
 		}
 	}
-	for _, frames := range []Frames{{Start: 1, End: 1000}, {}, {End: 999_999, Step: 1001, ShutterAngle: at(720)}} {
+	for _, frames := range []Frames{{Start: 1, End: 1000}, {}, {End: 1, FPS: 2e-9}, {End: 999_999, Step: 1001, ShutterAngle: at(720)}} {
 		s := sequenceOf(frames)
 		if err := s.Validate(); err != nil {
 			t.Errorf("%+v: %v", frames, err)

@@ -10,15 +10,16 @@ import (
 
 // Limits on requests, generous beside what a farm can render.
 const (
-	maxSide      = 32768
-	maxNameBytes = 200
-	maxDefaults  = 1000
-	maxBootstrap = 1 << 24
-	maxChains    = 1 << 20
-	maxPerPixel  = 1 << 40
-	maxRounds    = 64
-	maxSeconds   = 1e9
-	maxPriority  = 100 // and least, negative
+	maxSide         = 32768
+	maxNameBytes    = 200
+	maxDefaults     = 1000
+	maxDefaultBytes = 64 << 10 // names and values of all together
+	maxBootstrap    = 1 << 24
+	maxChains       = 1 << 20
+	maxPerPixel     = 1 << 40
+	maxRounds       = 64
+	maxSeconds      = 1e9
+	maxPriority     = 100 // and least, negative
 )
 
 // Validate checks everything that can be checked without the scene. Its errors are *FieldError.
@@ -41,6 +42,13 @@ func (r *Request) validateScene() error {
 		return invalid("entry", "is missing: the scene file's path inside the bundle")
 	case len(r.Defaults) > maxDefaults:
 		return invalid("defaults", "has more than %d entries", maxDefaults)
+	}
+	bytes := 0
+	for name, value := range r.Defaults {
+		bytes += len(name) + len(value)
+	}
+	if bytes > maxDefaultBytes {
+		return invalid("defaults", "has names and values of %d bytes; at most %d", bytes, maxDefaultBytes)
 	}
 	if err := validateName(r.Name); err != nil {
 		return err
@@ -72,6 +80,9 @@ func (r *Request) SetDefaultName() {
 
 func (r *Request) validateChoices() error {
 	for _, o := range Options() {
+		if n := len(words(o.In(r))); len(o.Choices) > 0 && n > len(o.Choices) {
+			return invalid(o.Field, "has %d words; there are no more than %d: %q", n, len(o.Choices), o.Choices)
+		}
 		for _, word := range words(o.In(r)) {
 			if len(o.Choices) > 0 && !slices.Contains(o.Choices, word) {
 				return invalid(o.Field, "is %q; allowed: %q", word, o.Choices)
