@@ -35,7 +35,7 @@ func (s *server) fail(ctx context.Context, err error) error {
 		return huma.NewError(status, err.Error(), &huma.ErrorDetail{Message: err.Error(), Location: "body"})
 	}
 	problem := huma.NewError(status, err.Error())
-	if status == http.StatusServiceUnavailable {
+	if status == http.StatusServiceUnavailable || status == http.StatusTooManyRequests {
 		return huma.ErrorWithHeaders(problem, http.Header{"Retry-After": {retrySeconds}})
 	}
 	return problem
@@ -48,6 +48,8 @@ func statusOf(err error) int {
 		return http.StatusNotFound
 	case errors.Is(err, job.ErrConflict), errors.Is(err, job.ErrNoImage), errors.Is(err, job.ErrNoReport):
 		return http.StatusConflict
+	case errors.Is(err, job.ErrTooMany):
+		return http.StatusTooManyRequests
 	case errors.Is(err, bundle.ErrTooLarge):
 		return http.StatusRequestEntityTooLarge
 	case errors.Is(err, job.ErrInvalid):

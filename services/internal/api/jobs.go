@@ -53,8 +53,9 @@ type listOutput struct {
 func (s *server) registerJobs(api huma.API) {
 	huma.Register(api, huma.Operation{
 		OperationID: "submit-job", Method: http.MethodPost, Path: "/v1/jobs", Tags: []string{"jobs"},
-		Summary:       "Submit a job",
-		Description:   "The job is stored durably before the answer.",
+		Summary: "Submit a job",
+		Description: "The job is stored durably before the answer. 429: as many jobs as the server takes have not ended; " +
+			"a repeated Idempotency-Key is answered so, too.",
 		DefaultStatus: http.StatusCreated, MaxBodyBytes: s.Limits.BodyBytes, BodyReadTimeout: jsonBodyTimeout,
 		Security: needs(auth.Submit),
 	}, s.submit)

@@ -4,6 +4,7 @@ import (
 	"context"
 	"fmt"
 	"net/http"
+	"strings"
 	"testing"
 
 	"metrofarm/services/internal/api"
@@ -29,5 +30,21 @@ func TestWhatIsNotAvailableNowSaysWhenToAskAgain(t *testing.T) {
 		if response.StatusCode != http.StatusServiceUnavailable || response.Header.Get("Retry-After") == "" {
 			t.Errorf("%s: %d, Retry-After %q", image, response.StatusCode, response.Header.Get("Retry-After"))
 		}
+	}
+}
+
+// full is a coordinator that takes no more jobs.
+type full struct{ api.Service }
+
+func (full) Submit(context.Context, job.Request, string) (job.Snapshot, error) {
+	return job.Snapshot{}, fmt.Errorf("%w: cancel some", job.ErrTooMany)
+}
+
+func TestTooManyJobsAreAnsweredAsTooManyRequestsAre(t *testing.T) {
+	f := newFixtureWith(t, func(o *api.Options) { o.Service = full{o.Service} })
+	answer := f.expect(http.StatusTooManyRequests, "POST", "/v1/jobs", request)
+	if answer.header.Get("Retry-After") == "" || !strings.Contains(string(answer.body), "too many jobs: cancel some") ||
+		answer.header.Get("Content-Type") != "application/problem+json" {
+		t.Errorf("%v %s", answer.header, answer.body)
 	}
 }

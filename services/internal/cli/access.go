@@ -37,6 +37,9 @@ type Access struct {
 	// Limits on clients; the zero value means the defaults. JobLimits on each job.
 	Limits    api.Limits
 	JobLimits plan.Limits
+	// MaxJobs is how many jobs may be there that have not ended, MaxUserJobs how many of one user; 0: no
+	// bound.
+	MaxJobs, MaxUserJobs int
 }
 
 // Defaults of the limits on jobs, where memory allows: an 8K image by chains in a worker, a 4K one with direct light
@@ -47,6 +50,7 @@ const (
 	defaultPerPixel     = 1 << 20
 	defaultMemoryMiB    = 16 << 10
 	maxDefaultWorkerMiB = 8 << 10
+	defaultJobs         = 20000
 	defaultSessionTime  = 12 * time.Hour
 	mebibyte            = 1 << 20
 	maxMiB              = 1 << 40
@@ -92,6 +96,8 @@ func (a *accessFlags) registerLimits(f *flags) {
 	f.IntVar(&l.Streams, "max-streams", l.Streams, "`N` event streams at a time; default 1024")
 	f.IntVar(&l.StreamsPerClient, "max-client-streams", l.StreamsPerClient, "`N` event streams of one token or address; default 256")
 	f.Int64Var(&l.BodyBytes, "max-body", l.BodyBytes, "`BYTES` of a JSON document; default 4194304")
+	f.IntVar(&a.MaxJobs, "max-jobs", defaultJobs, "`N` jobs of all users that have not ended, frames of sequences too; default 20000")
+	f.IntVar(&a.MaxUserJobs, "max-user-jobs", 0, "`N` jobs of one user likewise; default 0: as many as --max-jobs")
 	j := &a.JobLimits
 	f.Uint64Var(&j.Pixels, "max-pixels", defaultPixels, "`N` pixels of an image; default 33554432, 8K")
 	f.Uint64Var(&j.Chains, "max-chains", defaultChains, "`N` chains of a job; default 131072")
@@ -123,6 +129,8 @@ func (a *accessFlags) checkNumbers() error {
 		return usagef("--max-rate and --max-burst must be positive")
 	case l.Uploads < 1 || l.Streams < 1 || l.StreamsPerClient < 1 || l.BodyBytes < 1:
 		return usagef("--max-uploads, --max-streams, --max-client-streams and --max-body must be positive")
+	case a.MaxJobs < 1 || a.MaxUserJobs < 0:
+		return usagef("--max-jobs must be positive, and --max-user-jobs must not be negative")
 	case a.memoryMiB > maxMiB || a.workerMemory > maxMiB:
 		return usagef("--max-memory and --max-worker-memory are at most %d MiB", uint64(maxMiB))
 	case a.SessionTime < time.Second:

@@ -59,6 +59,8 @@ func TestServeOpensToOthersOnlyWithTokensAndCertificates(t *testing.T) {
 		{"insecure", []string{"--listen", wide, "--farm-listen", wide, "--insecure"}, nil},
 		{"rate", []string{"--max-rate", "0"}, []string{"--max-rate"}},
 		{"streams", []string{"--max-streams", "0"}, []string{"--max-streams"}},
+		{"jobs", []string{"--max-jobs", "0"}, []string{"--max-jobs"}},
+		{"jobs of a user", []string{"--max-user-jobs", "-1"}, []string{"--max-user-jobs"}},
 		{"memory", []string{"--max-memory", "18446744073709551615"}, []string{"--max-memory"}},
 	}
 	for _, c := range cases {
@@ -87,7 +89,7 @@ func TestServePassesItsAccessOn(t *testing.T) {
 	token, tokens, certs := b.secrets(t)
 	go func() { b.interrupts <- os.Interrupt }()
 	code := b.run(t, "serve", "--data", b.path("data"), "--workers", "0", "--tokens", tokens, "--tls-cert", certs+"/server.crt",
-		"--tls-key", certs+"/server.key", "--host", "a", "--host", "b", "--max-rate", "7", "--max-pixels", "9", "--max-memory", "3",
+		"--tls-key", certs+"/server.key", "--host", "a", "--host", "b", "--max-rate", "7", "--max-user-jobs", "5", "--max-pixels", "9", "--max-memory", "3",
 		"--open-metrics", "--session-time", "1h")
 	if code != 0 {
 		t.Fatal(b.stderr.String())
@@ -97,7 +99,7 @@ func TestServePassesItsAccessOn(t *testing.T) {
 		t.Errorf("token of %+v", who)
 	}
 	if a.TLS == nil || a.FarmTLS != nil || strings.Join(a.Hosts, " ") != "a b" || a.Limits.RequestsPerSecond != 7 ||
-		a.Limits.Uploads == 0 || a.JobLimits.Pixels != 9 || a.JobLimits.CoordinatorBytes != 3<<20 || a.JobLimits.Chains == 0 ||
+		a.Limits.Uploads == 0 || a.JobLimits.Pixels != 9 || a.MaxJobs != 20000 || a.MaxUserJobs != 5 || a.JobLimits.CoordinatorBytes != 3<<20 || a.JobLimits.Chains == 0 ||
 		!a.OpenMetrics || a.SessionTime.Hours() != 1 || len(a.SessionKey) < 32 {
 		t.Errorf("access %+v", a)
 	}

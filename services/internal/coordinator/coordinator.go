@@ -42,6 +42,9 @@ type Options struct {
 	OwnershipTTL time.Duration
 	// Limits on what one job may take.
 	Limits plan.Limits
+	// MaxJobs is how many jobs may be there that have not ended, MaxUserJobs how many of one user;
+	// 0: no bound.
+	MaxJobs, MaxUserJobs int
 	// Now is the clock.
 	Now func() time.Time
 	// NewID returns unguessable text for identities.
@@ -166,7 +169,8 @@ type Coordinator struct {
 	order   []*run          // the same, by creation
 	moved   []*run          // not owned any more, their streams are still open
 	ended   map[job.State]int
-	beatAt  time.Time // of the last answered beat
+	crowd   map[string]int // jobs of others that have not ended, by user, as last heard
+	beatAt  time.Time      // of the last answered beat
 	workers map[string]*worker
 	changed chan struct{} // closed and replaced when there may be new work
 

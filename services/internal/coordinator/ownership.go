@@ -79,7 +79,7 @@ func (c *Coordinator) beat(ctx context.Context) error {
 		c.wake()
 		c.announce()
 	}
-	c.hearOfUsage(ctx)
+	c.hearOfOthers(ctx)
 	return nil
 }
 
@@ -88,13 +88,13 @@ func (c *Coordinator) presence() store.Member {
 	m := c.options.Member
 	c.mu.Lock()
 	defer c.mu.Unlock()
-	m.Usage = c.usage.Usages(c.options.Now())
+	m.Usage, m.Jobs = c.usage.Usages(c.options.Now()), c.unended()
 	return m
 }
 
-// hearOfUsage takes in what others say that users used. Without it the queue goes by what they said last,
-// which is no reason to stop anything.
-func (c *Coordinator) hearOfUsage(ctx context.Context) {
+// hearOfOthers takes in what others say that users used, and how many jobs they have. Without it the queue
+// and the limits go by what they said last, which is no reason to stop anything.
+func (c *Coordinator) hearOfOthers(ctx context.Context) {
 	members, err := c.options.Store.Members(ctx)
 	if err != nil {
 		c.metrics.storeErrors.Inc()
@@ -102,13 +102,19 @@ func (c *Coordinator) hearOfUsage(ctx context.Context) {
 		return
 	}
 	var said []map[string]float64
+	crowd := make(map[string]int)
 	for _, m := range members {
-		if m.ID != c.options.Member.ID {
-			said = append(said, m.Usage)
+		if m.ID == c.options.Member.ID {
+			continue
+		}
+		said = append(said, m.Usage)
+		for user, n := range m.Jobs {
+			crowd[user] += n
 		}
 	}
 	c.mu.Lock()
 	defer c.mu.Unlock()
+	c.crowd = crowd
 	c.usage.Elsewhere(c.options.Now(), said...)
 }
 

@@ -25,12 +25,14 @@ const (
 type standing struct {
 	priority atomic.Int64
 	idle     atomic.Bool   // nothing of the job is to be leased
+	ended    atomic.Bool   // it only waits to be stored with all that belongs to it
 	cost     atomic.Uint64 // bits of the CPU time of a task, in seconds; 0 while unknown
 }
 
 // updateStanding requires: mu. What it depends on is changed before a save.
 func (r *run) updateStanding() {
 	r.standing.priority.Store(int64(r.rec.Request.Priority))
+	r.standing.ended.Store(r.rec.State.Ended())
 	r.standing.idle.Store(r.rec.Paused || r.rec.State.Ended() || r.finishing != nil || r.loading)
 }
 

@@ -39,6 +39,9 @@ func (c *Coordinator) Refine(ctx context.Context, id string, stop job.StopRules)
 	if r.epoch != 0 { // it has ended since it was looked at
 		return job.Snapshot{}, fmt.Errorf("job %s is still being stored: %w", id, job.ErrUnavailable)
 	}
+	if err := c.checkCrowd(r.user, 1); err != nil {
+		return job.Snapshot{}, err
+	}
 	request, err := r.rec.Request.Refined(stop, r.rec.State == job.Canceled)
 	if err != nil {
 		return job.Snapshot{}, err

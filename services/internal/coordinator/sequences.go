@@ -31,6 +31,9 @@ func (c *Coordinator) SubmitSequence(ctx context.Context, request job.SequenceRe
 	}
 	c.submitMu.Lock()
 	defer c.submitMu.Unlock()
+	if err := c.checkCrowd(auth.From(ctx).User, request.Frames.Count()); err != nil {
+		return job.Sequence{}, err
+	}
 	q, jobs := c.newSequence(request, auth.From(ctx).User)
 	stored, created, err := c.options.Store.CreateSequence(ctx, c.claim(), q, jobs, key, fingerprint)
 	if errors.Is(err, store.ErrKeyReused) {

@@ -39,6 +39,9 @@ func (c *Coordinator) Submit(ctx context.Context, request job.Request, key strin
 	// One at a time: a repeated key must find the job of the first call admitted.
 	c.submitMu.Lock()
 	defer c.submitMu.Unlock()
+	if err := c.checkCrowd(auth.From(ctx).User, 1); err != nil {
+		return job.Snapshot{}, err
+	}
 	rec := store.Record{
 		ID: "job-" + c.options.NewID(), User: auth.From(ctx).User, Request: request, State: job.Queued, CreatedAt: c.options.Now(),
 	}

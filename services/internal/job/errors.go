@@ -14,6 +14,8 @@ var (
 	ErrNoImage = errors.New("no round is complete yet")
 	// ErrUnavailable: it cannot be done or told right now; asking again later may help.
 	ErrUnavailable = errors.New("not available at the moment")
+	// ErrTooMany: there are as many jobs that have not ended as there may be; asking again later may help.
+	ErrTooMany = errors.New("too many jobs")
 	// ErrInvalid: the request is wrong; see FieldError for where.
 	ErrInvalid = errors.New("invalid request")
 )

@@ -83,6 +83,7 @@ func (f *Farm) start(ctx context.Context) error {
 	life := context.WithoutCancel(ctx)
 	f.coordinator, err = coordinator.New(life, coordinator.Options{
 		Store: f.db, Blobs: blobs, Logger: f.options.Logger, Member: f.member, Limits: f.options.Access.JobLimits,
+		MaxJobs: f.options.Access.MaxJobs, MaxUserJobs: f.options.Access.MaxUserJobs,
 		MergeBudget: f.options.Flow.MergeBudget, InboundBytes: f.options.Flow.InboundBytes, FilmsMemory: f.options.Flow.FilmsMemory,
 	})
 	if err != nil {

@@ -62,6 +62,8 @@ type Member struct {
 	Secret string `json:"secret,omitempty"`
 	// Usage is the CPU time, in seconds, that work for each user's jobs took of late: package fairness.
 	Usage map[string]float64 `json:"usage,omitempty"`
+	// Jobs that it owns and that have not ended, by user.
+	Jobs map[string]int `json:"jobs,omitempty"`
 }
 
 // Claim says who wants to own a job, and for how long unless it renews.

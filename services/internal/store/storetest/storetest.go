@@ -68,7 +68,7 @@ func claim(owner string) store.Claim { return store.Claim{Owner: owner, TTL: TTL
 
 // member says where the member of a name is.
 func member(id string) store.Member {
-	return store.Member{ID: id, REST: "http://" + id, Farm: id + ":7070", Usage: map[string]float64{"ada": 1.5, "": 2}}
+	return store.Member{ID: id, REST: "http://" + id, Farm: id + ":7070", Usage: map[string]float64{"ada": 1.5, "": 2}, Jobs: map[string]int{"ada": 3}}
 }
 
 func same(a, b store.Member) bool { return reflect.DeepEqual(a, b) }

@@ -960,12 +960,14 @@ type ResolvedSpec struct {
 	Kernel *Kernel `protobuf:"bytes,11,opt,name=kernel,proto3" json:"kernel,omitempty"`
 	// Film unit: a film value of 1.0 (2^32 as an integer) stands for this much. For chains it is the
 	// constant c of the two-layer weights, the bootstrap's first estimate of b. For INTEGRATOR_PATH
-	// and INTEGRATOR_BDPT a fixed multiple of the pilot's mean luminance. Positive and finite.
+	// and INTEGRATOR_BDPT a fixed multiple of the pilot's mean luminance. Positive and finite;
+	// where a request repeats a spec, within 1e-30 to 1e30.
 	Unit float64 `protobuf:"fixed64,12,opt,name=unit,proto3" json:"unit,omitempty"`
 	// Contiguous blocks of group_size film cells in one segment (INTEGRATOR_PATH, INTEGRATOR_BDPT).
 	BlocksPerSegment uint32 `protobuf:"varint,13,opt,name=blocks_per_segment,json=blocksPerSegment,proto3" json:"blocks_per_segment,omitempty"`
 	// Sizes of the rounds, in order: mutations per chain or samples per pixel (INTEGRATOR_PATH,
-	// INTEGRATOR_BDPT) that round r adds.
+	// INTEGRATOR_BDPT) that round r adds. Where a request repeats a spec, a segment of round 0 has at most
+	// 2^30, and each further round at most twice as many as all before it together.
 	RoundSizes []uint64 `protobuf:"varint,14,rep,packed,name=round_sizes,json=roundSizes,proto3" json:"round_sizes,omitempty"`
 	// Version of the workers that may render this job (build, instruction set and probe).
 	WorkerVersion string `protobuf:"bytes,15,opt,name=worker_version,json=workerVersion,proto3" json:"worker_version,omitempty"`
