@@ -20,6 +20,8 @@ type Storage struct {
 	// BlobDir holds scenes and checkpoints, unless there is a Bucket.
 	BlobDir string
 	Bucket  *s3.Options
+	// AdoptBlobs is the farm whose blobs this one takes over, see farmid.Pair.Claim; "" takes none over.
+	AdoptBlobs string
 	// Limits of one scene.
 	Limits bundle.Limits
 	// KeepJobs is how long ended jobs stay, KeepScenes how long scenes that no job uses; 0: for ever.
@@ -40,14 +42,16 @@ const (
 
 // storageFlags are those of serve that say where and how long bytes stay.
 type storageFlags struct {
-	blobs, endpoint, region string
-	limits                  bundle.Limits
-	keepJobs, keepScenes    time.Duration
+	blobs, adopt, endpoint, region string
+	limits                         bundle.Limits
+	keepJobs, keepScenes           time.Duration
 }
 
 func (s *storageFlags) register(f *flags) {
 	f.StringVar(&s.blobs, "blobs", "", "`DIR|s3://BUCKET/PREFIX`: where scenes and checkpoints go, with credentials in "+
 		"AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY; default: blobs in --data")
+	f.StringVar(&s.adopt, "adopt-blobs", "", "`FARM` whose blobs this one takes over: the one that a refusal to start names; none for "+
+		"blobs that bear no farm. For one start")
 	f.StringVar(&s.endpoint, "s3-endpoint", "", "`URL` of the S3-compatible store; default: AWS_ENDPOINT_URL, else Amazon's")
 	f.StringVar(&s.region, "s3-region", "", "`REGION` of the bucket; default: AWS_REGION, else what the store says")
 	s.limits = bundle.DefaultLimits()
@@ -106,7 +110,7 @@ func (s *storageFlags) inBucket() bool { return strings.Contains(s.blobs, "://")
 
 func (s *storageFlags) storage(data string, getenv func(string) string) (Storage, error) {
 	storage := defaultStorage(data)
-	storage.Limits, storage.KeepJobs, storage.KeepScenes = s.limits, s.keepJobs, s.keepScenes
+	storage.Limits, storage.KeepJobs, storage.KeepScenes, storage.AdoptBlobs = s.limits, s.keepJobs, s.keepScenes, s.adopt
 	if !s.inBucket() {
 		var err error
 		if s.blobs != "" {

@@ -56,8 +56,8 @@ func TestStorageFlags(t *testing.T) {
 	if storage.Limits != limits || storage.KeepJobs != 36*time.Hour || storage.KeepScenes != 90*time.Minute {
 		t.Errorf("%+v", storage)
 	}
-	storage, code, output = served(t, nil, "--blobs", "elsewhere", "--keep-scenes", "0")
-	if code != 0 || !filepath.IsAbs(storage.BlobDir) || filepath.Base(storage.BlobDir) != "elsewhere" || storage.KeepScenes != 0 {
+	storage, code, output = served(t, nil, "--blobs", "elsewhere", "--keep-scenes", "0", "--adopt-blobs", "farm-x")
+	if code != 0 || storage.AdoptBlobs != "farm-x" || !filepath.IsAbs(storage.BlobDir) || filepath.Base(storage.BlobDir) != "elsewhere" || storage.KeepScenes != 0 {
 		t.Errorf("%d, %+v, %s", code, storage, output)
 	}
 }

@@ -22,6 +22,7 @@ import (
 	"metrofarm/services/internal/cli"
 	"metrofarm/services/internal/coordinator"
 	"metrofarm/services/internal/farm"
+	"metrofarm/services/internal/farmid"
 	"metrofarm/services/internal/peer"
 	"metrofarm/services/internal/store"
 )
@@ -40,6 +41,8 @@ type Farm struct {
 	options     cli.FarmOptions
 	db          store.Store
 	library     *bundle.Library
+	pair        farmid.Pair
+	id          string // of the farm that store and blobs belong to
 	coordinator *coordinator.Coordinator
 	member      store.Member
 	farm        *peer.Farm
@@ -75,6 +78,10 @@ func (f *Farm) start(ctx context.Context) error {
 	}
 	blobs, err := f.openBlobs(ctx)
 	if err != nil {
+		return err
+	}
+	f.pair = farmid.Pair{Store: f.db, Blobs: blobs}
+	if f.id, err = f.pair.Claim(ctx, f.options.Storage.AdoptBlobs); err != nil {
 		return err
 	}
 	if err := f.listen(ctx); err != nil {

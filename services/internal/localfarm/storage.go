@@ -91,6 +91,7 @@ func (f *Farm) startSweeping(ctx context.Context, blobs *blob.Store) {
 	sweeper := sweep.New(sweep.Options{
 		Blobs: blobs, Jobs: sweep.StoredJobs{Store: f.db, Coordinator: f.coordinator}, Logger: f.options.Logger,
 		KeepJobs: f.options.Storage.KeepJobs, KeepScenes: f.options.Storage.KeepScenes,
+		SameFarm: func(ctx context.Context) error { return f.pair.Check(ctx, f.id) },
 	})
 	f.wait.Go(func() { sweeper.Run(ctx) })
 }

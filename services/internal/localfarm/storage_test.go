@@ -4,6 +4,7 @@ import (
 	"archive/zip"
 	"bytes"
 	"encoding/json"
+	"errors"
 	"io"
 	"log/slog"
 	"net/http"
@@ -13,9 +14,12 @@ import (
 	"testing"
 	"time"
 
+	"github.com/alicebob/miniredis/v2"
+
 	"metrofarm/services/internal/blob/s3/s3test"
 	"metrofarm/services/internal/bundle"
 	"metrofarm/services/internal/cli"
+	"metrofarm/services/internal/farmid"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/localfarm"
 )
@@ -91,6 +95,65 @@ func TestAMissingBucketIsAnErrorAtTheStart(t *testing.T) {
 	o := options(t)
 	o.Storage = cli.Storage{Bucket: &bucket}
 	if _, err := localfarm.Start(t.Context(), o); err == nil || !strings.Contains(err.Error(), "--blobs") {
+		t.Errorf("error %v", err)
+	}
+}
+
+// TestFarmsDoNotShareBlobs: they would delete each other's, whether they share a server or not.
+func TestFarmsDoNotShareBlobs(t *testing.T) {
+	server := "redis://" + miniredis.RunT(t).Addr() + "/0"
+	for name, stores := range map[string][2]string{"prefixes": {server + "?prefix=one", server + "?prefix=two"}, "files": {}} {
+		t.Run(name, func(t *testing.T) {
+			one, two := options(t), options(t)
+			one.Store, two.Store = stores[0], stores[1]
+			if err := start(t, one).Close(); err != nil {
+				t.Fatal(err)
+			}
+			two.Storage.BlobDir = one.Storage.BlobDir
+			_, err := localfarm.Start(t.Context(), two)
+			if !errors.Is(err, farmid.ErrMismatch) {
+				t.Fatalf("error %v", err)
+			}
+			_, after, _ := strings.Cut(err.Error(), "--adopt-blobs ")
+			two.Storage.AdoptBlobs, _, _ = strings.Cut(after, " ")
+			if err := start(t, two).Close(); err != nil {
+				t.Fatal(err)
+			}
+			if _, err := localfarm.Start(t.Context(), one); !errors.Is(err, farmid.ErrMismatch) {
+				t.Errorf("the farm whose blobs were taken: %v", err)
+			}
+		})
+	}
+}
+
+// TestBlobsMustBeShared: coordinators of one farm that do not see each other's would begin jobs again.
+func TestBlobsMustBeShared(t *testing.T) {
+	one, two := options(t), options(t)
+	one.Store = "redis://" + miniredis.RunT(t).Addr() + "/0"
+	two.Store = one.Store
+	farm := start(t, one)
+	if _, err := localfarm.Start(t.Context(), two); !errors.Is(err, farmid.ErrMismatch) {
+		t.Errorf("error %v", err)
+	}
+	if err := farm.Close(); err != nil {
+		t.Error(err)
+	}
+}
+
+// TestAStoreThatWasEmptied: all blobs would be taken for unused.
+func TestAStoreThatWasEmptied(t *testing.T) {
+	o := options(t)
+	server := miniredis.RunT(t)
+	o.Store = "redis://" + server.Addr() + "/0"
+	farm := start(t, o)
+	if status, _ := upload(t, farm, "<scene/>"); status != http.StatusCreated {
+		t.Fatalf("upload: %d", status)
+	}
+	server.FlushAll()
+	if err := farm.Close(); err != nil {
+		t.Error(err)
+	}
+	if _, err := localfarm.Start(t.Context(), o); !errors.Is(err, farmid.ErrMismatch) {
 		t.Errorf("error %v", err)
 	}
 }

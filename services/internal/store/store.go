@@ -147,6 +147,10 @@ type Sequence struct {
 // repeated after ErrUnavailable. Methods that take an epoch fail with ErrFenced and change nothing
 // if it is not the job's, and with job.ErrNotFound if there is no such job.
 type Store interface {
+	// SwapFarm replaces the id of the farm that the store belongs to by next if it is old, and returns what
+	// it is then. "" is none: with two of them nothing changes. Package farmid says what it is for.
+	SwapFarm(ctx context.Context, old, next string) (now string, err error)
+
 	// Beat keeps m among the members for ttl, and renews its leases of the held jobs (epochs by id).
 	// It returns those that it does not own any more. A lease that has run out is renewed unless
 	// somebody else has acquired the job.

@@ -59,6 +59,9 @@ type Jobs interface {
 type Options struct {
 	Blobs *blob.Store
 	Jobs  Jobs
+	// SameFarm fails if the jobs are not those that the blobs belong to. It is asked when the jobs are listed
+	// and nothing is deleted yet; nil: nobody is.
+	SameFarm func(context.Context) error
 	// KeepJobs is how long ended jobs stay; 0: for ever.
 	KeepJobs time.Duration
 	// KeepScenes is how long bundles stay that no job refers to, from their last use; 0: for ever. It
@@ -155,6 +158,11 @@ func (p *pass) jobs(ctx context.Context) error {
 	jobs, err := p.Jobs.Jobs(ctx)
 	if err != nil {
 		return err
+	}
+	if p.SameFarm != nil {
+		if err := p.SameFarm(ctx); err != nil {
+			return err
+		}
 	}
 	for _, job := range jobs {
 		if p.KeepJobs > 0 && !job.EndedAt.IsZero() && p.start.Sub(job.EndedAt) > p.KeepJobs {

@@ -46,6 +46,7 @@ type fixture struct {
 	*testing.T
 	blobs   *blob.Store
 	jobs    *fakeJobs
+	strange error // what is wrong with the farm
 	ahead   time.Duration
 	sweeper *sweep.Sweeper
 }
@@ -67,7 +68,8 @@ func newFixture(t *testing.T, backend blob.Backend) *fixture {
 func (f *fixture) another() *sweep.Sweeper {
 	return sweep.New(sweep.Options{
 		Blobs: f.blobs, Jobs: f.jobs, KeepJobs: keepJobs, KeepScenes: keepScenes,
-		Now: func() time.Time { return time.Now().Add(f.ahead) },
+		SameFarm: func(context.Context) error { return f.strange },
+		Now:      func() time.Time { return time.Now().Add(f.ahead) },
 	})
 }
 
@@ -275,6 +277,25 @@ func TestNothingGoesWhereNotAllIsKnown(t *testing.T) {
 	}
 }
 
+// TestNothingGoesThatIsAnotherFarms: the store was emptied, or others took the blobs, while the process ran.
+func TestNothingGoesThatIsAnotherFarms(t *testing.T) {
+	f := newFixture(t, nil)
+	digest := f.scene("a")
+	f.named("checkpoint-1")
+	f.ahead = 1000 * time.Hour
+	f.sweep(sweep.Counts{})
+	f.jobs.jobs = []sweep.Job{{ID: "old", EndedAt: time.Unix(0, 0)}}
+	f.strange = errors.New("another farm")
+	for range 3 {
+		if counts, err := f.sweeper.Sweep(t.Context()); !errors.Is(err, f.strange) || counts != (sweep.Counts{}) {
+			t.Errorf("swept %+v, error %v", counts, err)
+		}
+	}
+	if !f.whole(digest) || f.left(blob.Named) != 1 || len(f.jobs.jobs) != 1 {
+		t.Error("something was deleted")
+	}
+}
+
 // TestAPassThatFailsForgetsNothing: it removed a bundle before it failed, and the next one puts it back.
 func TestAPassThatFailsForgetsNothing(t *testing.T) {
 	backend, err := dir.Open(t.TempDir())
@@ -376,7 +397,8 @@ func TestRunSweepsAndEnds(t *testing.T) {
 	f.ahead = keepScenes + time.Hour
 	sweeper := sweep.New(sweep.Options{
 		Blobs: f.blobs, Jobs: f.jobs, KeepScenes: keepScenes, Interval: time.Millisecond,
-		Now: func() time.Time { return time.Now().Add(f.ahead) },
+		SameFarm: func(context.Context) error { return f.strange },
+		Now:      func() time.Time { return time.Now().Add(f.ahead) },
 	})
 	ctx, cancel := context.WithCancel(t.Context())
 	done := make(chan struct{})

@@ -36,7 +36,11 @@ var (
 	eventsBucket        = []byte("events")
 	sequencesBucket     = []byte("sequences")
 	sequenceOrderBucket = []byte("sequence order")
+	farmBucket          = []byte("farm") // of one entry, farmKey
 )
+
+// farmKey holds the id of the farm.
+var farmKey = []byte("id")
 
 // Store is a store.Store in a file.
 type Store struct {
@@ -97,7 +101,7 @@ func Open(path string, now func() time.Time) (*Store, error) {
 
 func createBuckets(tx *bbolt.Tx) error {
 	for _, name := range [][]byte{
-		jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket, sequencesBucket, sequenceOrderBucket,
+		jobsBucket, orderBucket, ownersBucket, keysBucket, eventsBucket, sequencesBucket, sequenceOrderBucket, farmBucket,
 	} {
 		if _, err := tx.CreateBucketIfNotExists(name); err != nil {
 			return err
@@ -118,6 +122,19 @@ func createBuckets(tx *bbolt.Tx) error {
 
 // Close closes the file.
 func (s *Store) Close() error { return s.db.Close() }
+
+// SwapFarm implements store.Store.
+func (s *Store) SwapFarm(_ context.Context, old, next string) (now string, err error) {
+	err = s.db.Update(func(tx *bbolt.Tx) error {
+		farm := tx.Bucket(farmBucket)
+		if now = string(farm.Get(farmKey)); now != old || now == next {
+			return nil
+		}
+		now = next
+		return farm.Put(farmKey, []byte(next))
+	})
+	return now, wrap("id of the farm", err)
+}
 
 // CreateJob implements store.Store.
 func (s *Store) CreateJob(_ context.Context, c store.Claim, r store.Record, key, fingerprint string) (stored store.Record, created bool, err error) {

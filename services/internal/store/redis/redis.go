@@ -5,6 +5,7 @@
 //
 // Keys, all with one hash tag so that they share a slot of a cluster:
 //
+//	{prefix}:farm         id of the farm
 //	{prefix}:number       counter, the number of the last job
 //	{prefix}:order        sorted set, job ids by number
 //	{prefix}:leases       sorted set, job ids by the end of their lease in milliseconds; 0 when released;
@@ -61,7 +62,7 @@ type Store struct {
 var _ store.Store = (*Store)(nil)
 
 // Open connects to a server: redis://[[USER]:PASSWORD@]HOST[:PORT][/DB], rediss://... with TLS, or
-// unix:///PATH[?db=N]. ?prefix=NAME keeps several farms apart in one database.
+// unix:///PATH[?db=N]. ?prefix=NAME keeps the jobs of several farms apart in one database.
 func Open(ctx context.Context, address string, o Options) (*Store, error) {
 	parsed, prefix, err := parse(address)
 	if err != nil {

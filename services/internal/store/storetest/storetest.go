@@ -38,6 +38,8 @@ func Run(t *testing.T, newSite func(t *testing.T) Site) {
 		"delete leaves nothing":              testDelete,
 		"missing jobs are not found":         testMissing,
 		"jobs come newest first, by page":    testOrder,
+		"the id of the farm":                 testFarm,
+		"one of many begins a farm":          testFarmRace,
 		"leases run out":                     testExpiry,
 		"beats renew leases":                 testRenewal,
 		"a lease that nobody took goes on":   testLateRenewal,
