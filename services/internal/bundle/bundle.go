@@ -70,6 +70,14 @@ func (l Limits) unpackedError(what string) error {
 		l.UnpackedBytes, humanize.IBytes(uint64(l.UnpackedBytes)))
 }
 
+// names is how many bytes the names of files and folders may take.
+func (l Limits) names() int64 { return namesStart + namesPerFile*int64(l.Files) }
+
+func (l Limits) namesError(name string) error {
+	return fmt.Errorf("%w: with entry %q, the names of its files and folders take more than the %s that this server keeps for "+
+		"%d files", ErrTooLarge, name, humanize.IBytes(uint64(l.names())), l.Files)
+}
+
 // Blobs is where the files go.
 type Blobs interface {
 	PutFile(ctx context.Context, r io.Reader, limit int64) (sha string, size int64, err error)
@@ -194,12 +202,24 @@ type collector struct {
 	bytes  int64
 	names  map[string]bool // files
 	dirs   map[string]bool // folders that files lie in
+	room   int64           // bytes that names and dirs may still take
 }
+
+// What the names of a scene's files and of the folders around them may take in memory: a start, and so
+// much for each file that is allowed, of which a name takes its length and nameOverhead.
+const (
+	namesStart   = 64 << 10
+	namesPerFile = 512
+	nameOverhead = 64
+)
+
+// maxFolders is how many folders a file may lie in, one in the other.
+const maxFolders = 32
 
 func newCollector(blobs Blobs, limits Limits) *collector {
 	return &collector{
 		blobs: blobs, limits: limits,
-		names: make(map[string]bool), dirs: make(map[string]bool),
+		names: make(map[string]bool), dirs: make(map[string]bool), room: limits.names(),
 	}
 }
 
@@ -225,6 +245,9 @@ func (c *collector) reserve(name string) error {
 		return &EntryError{name, "the path must be relative, with '/' between its parts and without " +
 			`empty, "." or ".." parts, backslashes or control characters, in at most 1024 bytes of UTF-8`}
 	}
+	if depth(name) > maxFolders {
+		return &EntryError{name, fmt.Sprintf("lies in %d folders, one in the other; at most %d are allowed", depth(name), maxFolders)}
+	}
 	if len(c.files) >= c.limits.Files {
 		return fmt.Errorf("%w: entry %q is one more than the %d files that this server takes for a scene", ErrTooLarge, name,
 			c.limits.Files)
@@ -235,14 +258,28 @@ func (c *collector) reserve(name string) error {
 	if c.dirs[name] {
 		return &EntryError{name, "is a file and a folder at once"}
 	}
-	for dir := path.Dir(name); dir != "."; dir = path.Dir(dir) {
+	// A folder that is known has passed with all that it lies in.
+	for dir := path.Dir(name); dir != "." && !c.dirs[dir]; dir = path.Dir(dir) {
 		if c.names[dir] {
 			return &EntryError{dir, "is a file and a folder at once"}
 		}
-		c.dirs[dir] = true
+		if !c.keep(c.dirs, dir) {
+			return c.limits.namesError(name)
+		}
 	}
-	c.names[name] = true
+	if !c.keep(c.names, name) {
+		return c.limits.namesError(name)
+	}
 	return nil
+}
+
+// keep notes a name if there is room for it.
+func (c *collector) keep(names map[string]bool, name string) bool {
+	if c.room -= int64(len(name)) + nameOverhead; c.room < 0 {
+		return false
+	}
+	names[name] = true
+	return true
 }
 
 func (c *collector) finish(ctx context.Context) (Scene, error) {

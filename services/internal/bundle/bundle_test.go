@@ -214,6 +214,7 @@ func TestRefusals(t *testing.T) {
 		{"far too many in zip", zipped(t, crowd...), bundle.ErrTooLarge, "larger than 10 files need"},
 		{"unpacks to too much in all", zipped(t, entry{"a", strings.Repeat("\x00", 3<<20), 0}, entry{"b", strings.Repeat("\x00", 2<<20), 0}), bundle.ErrTooLarge, `with entry "b"`},
 		{"headers of a bomb", gzipped(t, headers), bundle.ErrTooLarge, "4194304 bytes (4.0 MiB)"},
+		{"deep", zipped(t, entry{strings.Repeat("d/", 33) + "a", "1", 0}), job.ErrInvalid, "33 folders, one in the other; at most 32"},
 		{"upload too large", bytes.Repeat([]byte("PK\x03\x04"), 1<<19), bundle.ErrTooLarge, "1048576 bytes"},
 	}
 	for _, c := range cases {
@@ -223,6 +224,26 @@ func TestRefusals(t *testing.T) {
 				t.Errorf("error %v, want %v with %s", err, c.kind, c.want)
 			}
 		})
+	}
+}
+
+// TestNamesOfFoldersAreBounded: each file lies in folders of its own, as deep as is allowed.
+func TestNamesOfFoldersAreBounded(t *testing.T) {
+	limits := small()
+	limits.Files = 50
+	files := make([]entry, limits.Files)
+	for i := range files {
+		files[i] = entry{fmt.Sprintf("%d/%sfile", i, strings.Repeat("d/", 31)), "x", 0}
+	}
+	_, err := library(t, limits).AddArchive(t.Context(), bytes.NewReader(zipped(t, files...)))
+	if !errors.Is(err, bundle.ErrTooLarge) || !strings.Contains(err.Error(), "names of its files and folders take more than the 89 KiB") {
+		t.Errorf("folders for each file: %v", err)
+	}
+	for i := range files {
+		files[i].name = fmt.Sprintf("%s%d/%s", strings.Repeat("d/", 31), i%10, strings.Repeat("f", 100)+fmt.Sprint(i))
+	}
+	if _, err := library(t, limits).AddArchive(t.Context(), bytes.NewReader(zipped(t, files...))); err != nil {
+		t.Errorf("shared folders: %v", err)
 	}
 }
 
