@@ -44,6 +44,8 @@ func (s *server) fail(ctx context.Context, err error) error {
 // statusOf is the one place that maps errors to HTTP statuses.
 func statusOf(err error) int {
 	switch {
+	case errors.Is(err, errSlow): // first: to whoever unpacks the upload it is a damaged one
+		return http.StatusRequestTimeout
 	case errors.Is(err, job.ErrNotFound):
 		return http.StatusNotFound
 	case errors.Is(err, job.ErrConflict), errors.Is(err, job.ErrNoImage), errors.Is(err, job.ErrNoReport):

@@ -72,6 +72,11 @@ func (f *fixture) do(method, path, body string, headers ...string) answer {
 		}
 		request.Header.Set(headers[i], headers[i+1])
 	}
+	return f.answer(request)
+}
+
+func (f *fixture) answer(request *http.Request) answer {
+	f.t.Helper()
 	response, err := f.server.Client().Do(request)
 	if err != nil {
 		f.t.Fatal(err)

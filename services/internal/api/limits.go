@@ -23,6 +23,10 @@ type Limits struct {
 	Burst             int
 	// Uploads at a time, of all clients.
 	Uploads int
+	// UploadPatience is how long an upload may bring nothing, and how long in all it may be behind UploadRate,
+	// in bytes per second.
+	UploadPatience time.Duration
+	UploadRate     int64
 	// Streams of events that are open at a time, of one client and of all.
 	StreamsPerClient, Streams int
 	// BodyBytes of a JSON document.
@@ -31,7 +35,10 @@ type Limits struct {
 
 // DefaultLimits leave room for a farm's people and their scripts.
 func DefaultLimits() Limits {
-	return Limits{RequestsPerSecond: 100, Burst: 400, Uploads: 8, StreamsPerClient: 256, Streams: 1024, BodyBytes: 4 << 20}
+	return Limits{
+		RequestsPerSecond: 100, Burst: 400, Uploads: 8, UploadPatience: stallTimeout, UploadRate: 32 << 10,
+		StreamsPerClient: 256, Streams: 1024, BodyBytes: 4 << 20,
+	}
 }
 
 const (

@@ -106,6 +106,63 @@ func TestOnlySoManyUploadsAtATime(t *testing.T) {
 	f.expect(http.StatusCreated, "POST", "/v1/scenes", "x")
 }
 
+// drip sends an upload byte by byte and returns the answer.
+func (f *fixture) drip(contentType, start string, pause time.Duration) answer {
+	f.t.Helper()
+	r, w := io.Pipe()
+	sent := make(chan struct{})
+	go func() {
+		defer close(sent)
+		for _, err := io.WriteString(w, start); err == nil; _, err = io.WriteString(w, "x") {
+			time.Sleep(pause)
+		}
+	}()
+	request, err := http.NewRequestWithContext(f.t.Context(), http.MethodPost, f.server.URL+"/v1/scenes", r)
+	if err != nil {
+		f.t.Fatal(err)
+	}
+	request.Header.Set("Content-Type", contentType)
+	got := f.answer(request)
+	r.Close()
+	<-sent
+	return got
+}
+
+const (
+	formType  = "multipart/form-data; boundary=b"
+	formStart = "--b\r\nContent-Disposition: form-data; name=\"other\"\r\n\r\n"
+)
+
+// TestASlowUploadLosesItsPlace: each byte comes in time, but all together are behind.
+func TestASlowUploadLosesItsPlace(t *testing.T) {
+	f := newFixtureWith(t, func(o *api.Options) {
+		o.Limits = api.DefaultLimits()
+		o.Limits.Uploads, o.Limits.UploadPatience = 2, time.Second
+	})
+	var uploads sync.WaitGroup
+	for contentType, start := range map[string]string{"application/zip": "PK\x03\x04", formType: formStart} {
+		uploads.Go(func() {
+			if got := f.drip(contentType, start, 10*time.Millisecond); got.status != http.StatusRequestTimeout {
+				t.Errorf("%s: %d %s", contentType, got.status, got.body)
+			}
+		})
+	}
+	uploads.Wait()
+	f.expect(http.StatusCreated, "POST", "/v1/scenes", zipOf(t, map[string]string{"scene.xml": "<scene/>"}))
+}
+
+// TestPartsBeforeTheFileCount: they are a part of the upload.
+func TestPartsBeforeTheFileCount(t *testing.T) {
+	f := newFixture(t)
+	body := struct{ io.Reader }{strings.NewReader(formStart + strings.Repeat("x", 160<<10))} // of a length that nobody knows
+	request, err := http.NewRequestWithContext(t.Context(), http.MethodPost, f.server.URL+"/v1/scenes", body)
+	if err != nil {
+		t.Fatal(err)
+	}
+	request.Header.Set("Content-Type", formType)
+	f.expectProblem(http.StatusRequestEntityTooLarge, "body", f.answer(request))
+}
+
 // stream opens an event stream, and waits for its first line where it is granted.
 func (g *guarded) stream(role auth.Role, id string) (status int, end func()) {
 	g.t.Helper()

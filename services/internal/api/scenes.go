@@ -9,7 +9,6 @@ import (
 	"mime/multipart"
 	"net/http"
 	"strings"
-	"time"
 
 	"github.com/danielgtaylor/huma/v2"
 
@@ -22,22 +21,13 @@ import (
 type uploadInput struct {
 	ContentType   string `header:"Content-Type" hidden:"true"`
 	ContentLength int64  `header:"Content-Length" hidden:"true"`
-	body          io.Reader
+	ctx           huma.Context
 }
 
-// Resolve takes the body's reader, which huma otherwise hides.
+// Resolve takes the way to the body, which huma otherwise hides.
 func (u *uploadInput) Resolve(ctx huma.Context) []error {
-	u.body = &patientReader{ctx}
+	u.ctx = ctx
 	return nil
-}
-
-// patientReader lets an upload take as long as it likes while it makes progress.
-type patientReader struct{ ctx huma.Context }
-
-func (p *patientReader) Read(b []byte) (int, error) {
-	// Recorders in tests have no deadline.
-	_ = p.ctx.SetReadDeadline(time.Now().Add(stallTimeout))
-	return p.ctx.BodyReader().Read(b)
 }
 
 type sceneOutput struct {
@@ -93,7 +83,7 @@ func (s *server) upload(ctx context.Context, input *uploadInput) (*sceneOutput, 
 	if err := s.Scenes.Limits().CheckUpload(input.ContentLength - formOverhead); err != nil {
 		return nil, s.fail(ctx, err)
 	}
-	archive, err := archiveOf(input.ContentType, input.body)
+	archive, err := archiveOf(input.ContentType, s.newUploadReader(input.ctx))
 	if err != nil {
 		return nil, s.fail(ctx, err)
 	}
