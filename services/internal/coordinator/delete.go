@@ -3,6 +3,7 @@ package coordinator
 import (
 	"context"
 	"fmt"
+	"time"
 
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/store"
@@ -10,9 +11,28 @@ import (
 
 // Delete implements api.Service.
 func (c *Coordinator) Delete(ctx context.Context, id string) error {
+	return c.delete(ctx, id, deletable)
+}
+
+// DeleteEnded deletes a job that ended at the given time. One that has gone on since fails with
+// job.ErrConflict.
+func (c *Coordinator) DeleteEnded(ctx context.Context, id string, end time.Time) error {
+	return c.delete(ctx, id, func(rec *store.Record) error {
+		if err := deletable(rec); err != nil {
+			return err
+		}
+		if rec.EndedAt == nil || !rec.EndedAt.Equal(end) {
+			return fmt.Errorf("job %s has gone on since it ended at %s: %w", rec.ID, end.Format(time.RFC3339), job.ErrConflict)
+		}
+		return nil
+	})
+}
+
+// delete a job if it may be. The record that is asked about is that which is deleted.
+func (c *Coordinator) delete(ctx context.Context, id string, may func(*store.Record) error) error {
 	r := c.running(id)
 	if r == nil {
-		return c.deleteStored(ctx, id)
+		return c.deleteStored(ctx, id, may)
 	}
 	if err := r.lockAtRest(ctx); err != nil {
 		return err
@@ -22,11 +42,11 @@ func (c *Coordinator) Delete(ctx context.Context, id string) error {
 		if _, err := c.atRest(ctx, id); err != nil {
 			return err
 		}
-		return c.deleteStored(ctx, id)
+		return c.deleteStored(ctx, id, may)
 	}
-	if !r.rec.State.Ended() {
-		defer r.mu.Unlock()
-		return undeletable(&r.rec)
+	if err := may(&r.rec); err != nil {
+		r.mu.Unlock()
+		return err
 	}
 	r.state, r.dirty = nil, false
 	unneeded := append(r.garbage, checkpointsOf(&r.rec)...)
@@ -66,18 +86,22 @@ func (r *run) lockAtRest(ctx context.Context) error {
 	}
 }
 
-func undeletable(rec *store.Record) error {
+// deletable tells what keeps a job from being deleted.
+func deletable(rec *store.Record) error {
+	if rec.State.Ended() {
+		return nil
+	}
 	return fmt.Errorf("job %s is %s; cancel it first: %w", rec.ID, rec.State, job.ErrConflict)
 }
 
 // deleteStored deletes a job that has ended; to do so it must be owned.
-func (c *Coordinator) deleteStored(ctx context.Context, id string) error {
+func (c *Coordinator) deleteStored(ctx context.Context, id string, may func(*store.Record) error) error {
 	r, err := c.find(ctx, id)
 	if err != nil {
 		return err
 	}
-	if !r.rec.State.Ended() {
-		return undeletable(&r.rec)
+	if err := may(&r.rec); err != nil {
+		return err
 	}
 	c.endedMu.Lock()
 	defer c.endedMu.Unlock()

@@ -15,6 +15,7 @@ import (
 	"metrofarm/services/internal/coordinator/fakeworker"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/store/bolt"
+	"metrofarm/services/internal/sweep"
 )
 
 func (s *site) refine(id string, stop job.StopRules) job.Snapshot {
@@ -314,6 +315,38 @@ func TestAnotherCoordinatorRefinesAndTakesOver(t *testing.T) {
 	p.sweep()
 	if got, want := p.blobs(), []string{p.record(id).Checkpoint}; !slices.Equal(got, want) {
 		t.Errorf("blobs %v, want %v", got, want)
+	}
+}
+
+// TestASweepSparesAJobThatWentOn: it was listed as one that ended long ago, and has been refined and ended
+// again when its turn comes.
+func TestASweepSparesAJobThatWentOn(t *testing.T) {
+	t.Parallel()
+	s := newSite(t)
+	s.start()
+	defer s.stop()
+	defer s.crew(workers(1, nil)...)()
+	id := s.submit(pathRequest(10))
+	s.settled(id)
+	jobs := sweep.StoredJobs{Store: s.db, Coordinator: s.c}
+	listed, err := jobs.Jobs(t.Context())
+	s.check(err)
+	s.refine(id, job.StopRules{SamplesPerPixel: 20})
+	if err := jobs.Delete(t.Context(), listed[0]); !errors.Is(err, job.ErrConflict) {
+		t.Errorf("deleted while it is refined: %v", err)
+	}
+	film := s.settled(id).FilmSHA256
+	if err := jobs.Delete(t.Context(), listed[0]); !errors.Is(err, job.ErrConflict) {
+		t.Errorf("deleted after it was refined: %v", err)
+	}
+	if got := s.job(id).FilmSHA256; got != film {
+		t.Errorf("film %q, want %q", got, film)
+	}
+	listed, err = jobs.Jobs(t.Context())
+	s.check(err)
+	s.check(jobs.Delete(t.Context(), listed[0]))
+	if _, err := s.c.Job(t.Context(), id); !errors.Is(err, job.ErrNotFound) {
+		t.Errorf("after the sweep: %v", err)
 	}
 }
 

@@ -270,14 +270,14 @@ func TestFramesAreSweptTogether(t *testing.T) {
 	s.check(err)
 	jobs := sweep.StoredJobs{Store: s.db, Coordinator: s.c}
 	all, err := jobs.Jobs(ctx)
-	if err != nil || len(all) != 2 || !all[0].EndedAt.IsZero() || !all[1].EndedAt.IsZero() {
+	if err != nil || len(all) != 2 || !all[0].KeptFrom.IsZero() || !all[1].KeptFrom.IsZero() {
 		t.Errorf("jobs %+v, error %v", all, err)
 	}
 	time.Sleep(2 * time.Millisecond)
 	last, err := s.c.Cancel(ctx, q.Frames[1].Job)
 	s.check(err)
 	all, err = jobs.Jobs(ctx)
-	if err != nil || len(all) != 2 || !all[0].EndedAt.Equal(*last.EndedAt) || !all[1].EndedAt.Equal(*last.EndedAt) {
+	if err != nil || len(all) != 2 || !all[0].KeptFrom.Equal(*last.EndedAt) || !all[1].KeptFrom.Equal(*last.EndedAt) {
 		t.Errorf("jobs %+v, error %v; the last ended at %v", all, err, last.EndedAt)
 	}
 }

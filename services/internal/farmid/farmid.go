@@ -93,7 +93,7 @@ func (p Pair) Check(ctx context.Context, id string) error {
 	return nil
 }
 
-func newID() string { return "farm-" + strings.ToLower(rand.Text()[:12]) }
+func newID() string { return strings.ToLower(rand.Text()[:12]) }
 
 // named is the id that blobs bear as one writes it.
 func named(id string) string {

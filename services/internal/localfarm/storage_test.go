@@ -65,6 +65,7 @@ func TestScenesLieInABucket(t *testing.T) {
 	bucket := server.Bucket()
 	o := options(t)
 	o.Storage = cli.Storage{Bucket: &bucket, Limits: bundle.DefaultLimits()}
+	o.Store = "redis://" + miniredis.RunT(t).Addr() + "/0"
 	farm := start(t, o)
 	status, scene := upload(t, farm, "<scene/>")
 	if status != http.StatusCreated {
@@ -73,7 +74,7 @@ func TestScenesLieInABucket(t *testing.T) {
 	if err := farm.Close(); err != nil {
 		t.Fatal(err)
 	}
-	// Another machine: nothing but the bucket is the same.
+	// Another machine: nothing but the store and the bucket is the same.
 	o.DataDir = t.TempDir()
 	farm = start(t, o)
 	snapshot, err := farm.Service().Submit(t.Context(), job.Request{Scene: scene.Digest, Entry: "scene.xml"}, "")

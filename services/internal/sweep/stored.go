@@ -18,11 +18,11 @@ type StoredJobs struct {
 	Store store.Store
 	// Coordinator deletes jobs that it owns, and those that nobody owns, which it acquires first.
 	Coordinator interface {
-		Delete(ctx context.Context, id string) error
+		DeleteEnded(ctx context.Context, id string, end time.Time) error
 	}
 }
 
-// Jobs implements Jobs. The frames of a sequence go together: each ended when the last of them did.
+// Jobs implements Jobs. The frames of a sequence go together: each stays as long as the one that ended last.
 func (s StoredJobs) Jobs(ctx context.Context) ([]Job, error) {
 	var jobs []Job
 	frames := make(map[string][]int) // indices in jobs, by sequence
@@ -34,7 +34,7 @@ func (s StoredJobs) Jobs(ctx context.Context) ([]Job, error) {
 		for _, r := range page {
 			j := Job{ID: r.ID, Scene: r.Request.Scene, Checkpoint: r.Checkpoint}
 			if r.State.Ended() && r.EndedAt != nil {
-				j.EndedAt = *r.EndedAt
+				j.EndedAt, j.KeptFrom = *r.EndedAt, *r.EndedAt
 			}
 			if r.FrameOf != nil {
 				frames[r.FrameOf.ID] = append(frames[r.FrameOf.ID], len(jobs))
@@ -42,15 +42,16 @@ func (s StoredJobs) Jobs(ctx context.Context) ([]Job, error) {
 			jobs = append(jobs, j)
 		}
 		if len(page) < pageLength {
-			endTogether(jobs, frames)
+			keepTogether(jobs, frames)
 			return jobs, nil
 		}
 		before = page[len(page)-1].Number
 	}
 }
 
-// endTogether gives the frames of each sequence the latest of their ends, or none if one has not ended.
-func endTogether(jobs []Job, frames map[string][]int) {
+// keepTogether keeps the frames of each sequence from the latest of their ends, or for good if one has not
+// ended.
+func keepTogether(jobs []Job, frames map[string][]int) {
 	for _, indices := range frames {
 		last := jobs[indices[0]].EndedAt
 		for _, i := range indices {
@@ -61,14 +62,14 @@ func endTogether(jobs []Job, frames map[string][]int) {
 			}
 		}
 		for _, i := range indices {
-			jobs[i].EndedAt = last
+			jobs[i].KeptFrom = last
 		}
 	}
 }
 
 // Delete implements Jobs. A job that another coordinator has just deleted is no error.
-func (s StoredJobs) Delete(ctx context.Context, id string) error {
-	if err := s.Coordinator.Delete(ctx, id); !errors.Is(err, job.ErrNotFound) {
+func (s StoredJobs) Delete(ctx context.Context, j Job) error {
+	if err := s.Coordinator.DeleteEnded(ctx, j.ID, j.EndedAt); !errors.Is(err, job.ErrNotFound) {
 		return err
 	}
 	return nil

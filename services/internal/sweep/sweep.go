@@ -45,14 +45,16 @@ type Job struct {
 	Checkpoint string
 	// EndedAt is zero while it has not ended.
 	EndedAt time.Time
+	// KeptFrom is when the time begins that it stays: EndedAt or later; zero while that has not come.
+	KeptFrom time.Time
 }
 
 // Jobs is where the jobs are.
 type Jobs interface {
 	// Jobs lists all jobs, those of other coordinators too.
 	Jobs(ctx context.Context) ([]Job, error)
-	// Delete deletes a job that has ended.
-	Delete(ctx context.Context, id string) error
+	// Delete deletes a job that has ended, unless it has gone on since it was listed.
+	Delete(ctx context.Context, j Job) error
 }
 
 // Options of a sweeper. Blobs and Jobs are required.
@@ -165,8 +167,8 @@ func (p *pass) jobs(ctx context.Context) error {
 		}
 	}
 	for _, job := range jobs {
-		if p.KeepJobs > 0 && !job.EndedAt.IsZero() && p.start.Sub(job.EndedAt) > p.KeepJobs {
-			err := p.Jobs.Delete(ctx, job.ID)
+		if p.KeepJobs > 0 && !job.KeptFrom.IsZero() && p.start.Sub(job.KeptFrom) > p.KeepJobs {
+			err := p.Jobs.Delete(ctx, job)
 			if err == nil {
 				p.counts.Jobs++
 				continue

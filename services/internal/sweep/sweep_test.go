@@ -33,11 +33,11 @@ type fakeJobs struct {
 
 func (f *fakeJobs) Jobs(context.Context) ([]sweep.Job, error) { return slices.Clone(f.jobs), f.broken }
 
-func (f *fakeJobs) Delete(_ context.Context, id string) error {
-	if id == f.stuck {
+func (f *fakeJobs) Delete(_ context.Context, old sweep.Job) error {
+	if old.ID == f.stuck {
 		return errors.New("stuck")
 	}
-	f.jobs = slices.DeleteFunc(f.jobs, func(j sweep.Job) bool { return j.ID == id })
+	f.jobs = slices.DeleteFunc(f.jobs, func(j sweep.Job) bool { return j == old })
 	return nil
 }
 
@@ -243,9 +243,9 @@ func TestOldJobsGoWithTheirCheckpoints(t *testing.T) {
 	now := time.Now()
 	f.jobs.jobs = []sweep.Job{
 		{ID: "running", Scene: digest, Checkpoint: "checkpoint-running"},
-		{ID: "old", Scene: digest, Checkpoint: "checkpoint-old", EndedAt: now.Add(-keepJobs)},
-		{ID: "stuck", Scene: digest, Checkpoint: "checkpoint-stuck", EndedAt: now.Add(-keepJobs)},
-		{ID: "young", Scene: digest, Checkpoint: "checkpoint-young", EndedAt: now},
+		{ID: "old", Scene: digest, Checkpoint: "checkpoint-old", KeptFrom: now.Add(-keepJobs)},
+		{ID: "stuck", Scene: digest, Checkpoint: "checkpoint-stuck", KeptFrom: now.Add(-keepJobs)},
+		{ID: "young", Scene: digest, Checkpoint: "checkpoint-young", KeptFrom: now},
 	}
 	f.jobs.stuck = "stuck"
 	for _, name := range []string{"running", "old", "stuck", "young", "unswung"} {
@@ -284,7 +284,7 @@ func TestNothingGoesThatIsAnotherFarms(t *testing.T) {
 	f.named("checkpoint-1")
 	f.ahead = 1000 * time.Hour
 	f.sweep(sweep.Counts{})
-	f.jobs.jobs = []sweep.Job{{ID: "old", EndedAt: time.Unix(0, 0)}}
+	f.jobs.jobs = []sweep.Job{{ID: "old", KeptFrom: time.Unix(0, 0)}}
 	f.strange = errors.New("another farm")
 	for range 3 {
 		if counts, err := f.sweeper.Sweep(t.Context()); !errors.Is(err, f.strange) || counts != (sweep.Counts{}) {
@@ -364,7 +364,7 @@ func (b *failingBackend) RemoveUnfinished(ctx context.Context, before time.Time)
 func TestKeepForEver(t *testing.T) {
 	f := newFixture(t, nil)
 	f.scene("a")
-	f.jobs.jobs = []sweep.Job{{ID: "j", EndedAt: time.Now().Add(-time.Hour)}}
+	f.jobs.jobs = []sweep.Job{{ID: "j", KeptFrom: time.Now().Add(-time.Hour)}}
 	f.sweeper = sweep.New(sweep.Options{
 		Blobs: f.blobs, Jobs: f.jobs, Now: func() time.Time { return time.Now().Add(100_000 * time.Hour) },
 	})
@@ -397,8 +397,7 @@ func TestRunSweepsAndEnds(t *testing.T) {
 	f.ahead = keepScenes + time.Hour
 	sweeper := sweep.New(sweep.Options{
 		Blobs: f.blobs, Jobs: f.jobs, KeepScenes: keepScenes, Interval: time.Millisecond,
-		SameFarm: func(context.Context) error { return f.strange },
-		Now:      func() time.Time { return time.Now().Add(f.ahead) },
+		Now: func() time.Time { return time.Now().Add(f.ahead) },
 	})
 	ctx, cancel := context.WithCancel(t.Context())
 	done := make(chan struct{})
