@@ -58,6 +58,9 @@ func refinements() map[string][]job.Request {
 		"multiplexed chains":   steps(multiplexed, job.StopRules{MutationsPerPixel: 20}, job.StopRules{MutationsPerPixel: 50}),
 		"samples, by count": steps(pathRequest(0), job.StopRules{SamplesPerPixel: 3}, job.StopRules{SamplesPerPixel: 5},
 			job.StopRules{SamplesPerPixel: 30}),
+		// What is left of a round is cut short, again and again.
+		"samples, in one round": steps(pathRequest(0), job.StopRules{SamplesPerPixel: 20}, job.StopRules{SamplesPerPixel: 25},
+			job.StopRules{SamplesPerPixel: 30}, job.StopRules{SamplesPerPixel: 40}),
 		// Half of a round, so that what is left of it has the size of what is done.
 		"samples, half a round":  steps(pathRequest(0), job.StopRules{SamplesPerPixel: 2}, job.StopRules{SamplesPerPixel: 16}),
 		"samples of the scene":   steps(scene, job.StopRules{}, job.StopRules{SamplesPerPixel: 30}),

@@ -75,20 +75,21 @@ func (s *State) closeCut() {
 	if s.Cut == nil {
 		return
 	}
-	remainders := map[int]uint64{s.Closed: s.segmentSize(s.Closed)}
+	remainders := make(map[int]uint64)
 	maps.Copy(remainders, s.Remainders) // which other snapshots share
+	remainders[s.Closed] = s.segmentSize(s.Closed)
 	s.Cut, s.Remainders = nil, remainders
 }
 
 // segmentSize is the size of the segments of a round: the round's, or what was left of it when it was
 // cut.
 func (s *State) segmentSize(number int) uint64 {
+	size := s.Spec.GetRoundSizes()[number]
+	if s.Cut != nil && number == s.Closed { // maybe not for the first time
+		return size - s.Cut.Size
+	}
 	if left, cut := s.Remainders[number]; cut {
 		return left
-	}
-	size := s.Spec.GetRoundSizes()[number]
-	if s.Cut != nil && number == s.Closed {
-		size -= s.Cut.Size
 	}
 	return size
 }
