@@ -2,8 +2,10 @@ package coordinator
 
 import (
 	"context"
+	"errors"
 	"fmt"
 
+	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/develop"
 	"metrofarm/services/internal/job"
 	"metrofarm/services/internal/render"
@@ -11,20 +13,56 @@ import (
 
 // Image implements api.Service. The caller must not change the slices: they are shared.
 func (c *Coordinator) Image(ctx context.Context, id string) (job.Image, error) {
-	r, err := c.find(ctx, id)
-	if err != nil {
-		return job.Image{}, err
-	}
-	// One development of a job at a time: the others then find it done.
-	r.imageMu.Lock()
-	defer r.imageMu.Unlock()
-	if film, stored := r.storedFilm(); stored { // it is read, and kept until it is developed
-		done, err := c.readers.enter(ctx, r.id, film, c.options.ReadPatience)
+	var read string // the checkpoint that was not there
+	for {
+		r, err := c.find(ctx, id)
 		if err != nil {
 			return job.Image{}, err
 		}
-		defer done()
+		image, err := c.imageOf(ctx, r)
+		if !errors.Is(err, blob.ErrNotFound) {
+			return image, err
+		}
+		// The job may have gone on, maybe elsewhere, and have another checkpoint by now.
+		missing := r.checkpointToRead()
+		switch {
+		case missing == read:
+			return job.Image{}, err // it is lost
+		case read != "":
+			return job.Image{}, fmt.Errorf("job %s goes on: %w: %w", id, job.ErrUnavailable, err)
+		}
+		read = missing
 	}
+}
+
+func (r *run) checkpointToRead() string {
+	r.mu.Lock()
+	defer r.mu.Unlock()
+	return r.rec.Checkpoint
+}
+
+func (c *Coordinator) imageOf(ctx context.Context, r *run) (job.Image, error) {
+	// One development of a job at a time: the others then find it done. Who has a place takes no such lock.
+	r.imageMu.Lock()
+	defer r.imageMu.Unlock()
+	r.mu.Lock()
+	kept, err := r.keptImage()
+	film, places := r.rec.FilmBytes, c.developers
+	if r.state == nil { // it is read, and kept until it is developed
+		places = c.readers
+	}
+	r.mu.Unlock()
+	if err != nil {
+		return job.Image{}, err
+	}
+	if kept != nil {
+		return *kept, nil
+	}
+	done, err := places.enter(ctx, r.id, film, c.options.ReadPatience)
+	if err != nil {
+		return job.Image{}, err
+	}
+	defer done()
 	state, image, err := r.imageSource(ctx)
 	if err != nil || state == nil {
 		return image, err
@@ -34,11 +72,23 @@ func (c *Coordinator) Image(ctx context.Context, id string) (job.Image, error) {
 	return image, nil
 }
 
-// storedFilm is what a film takes that is only in a checkpoint.
-func (r *run) storedFilm() (bytes int64, stored bool) {
-	r.mu.Lock()
-	defer r.mu.Unlock()
-	return r.rec.FilmBytes, r.state == nil && !r.loading && r.rec.Checkpoint != ""
+// keptImage returns the image that was developed before, or none if one must be developed, or why there is
+// none. Requires: mu.
+func (r *run) keptImage() (*job.Image, error) {
+	switch {
+	case r.loading:
+		return nil, fmt.Errorf("job %s: its checkpoint is being read: %w", r.id, job.ErrUnavailable)
+	case r.state == nil && r.rec.Checkpoint == "", r.state != nil && !r.shows(r.state):
+		return nil, fmt.Errorf("job %s: %w", r.id, job.ErrNoImage)
+	case r.image != nil && r.image.FilmSHA256 == r.snapshot().FilmSHA256 && r.image.Final == (r.rec.State == job.Done):
+		return r.image, nil
+	}
+	return nil, nil
+}
+
+// shows tells whether there is something to see in a state of the job. Requires: mu.
+func (r *run) shows(state *render.State) bool {
+	return len(state.History()) > 0 || r.rec.State == job.Done
 }
 
 // imageSource returns the film to develop and the image's attributes, or no film and the image that
@@ -46,29 +96,27 @@ func (r *run) storedFilm() (bytes int64, stored bool) {
 func (r *run) imageSource(ctx context.Context) (*render.State, job.Image, error) {
 	r.mu.Lock()
 	defer r.mu.Unlock()
-	if r.loading {
-		return nil, job.Image{}, fmt.Errorf("job %s: its checkpoint is being read: %w", r.id, job.ErrUnavailable)
+	switch kept, err := r.keptImage(); {
+	case err != nil:
+		return nil, job.Image{}, err
+	case kept != nil:
+		return nil, *kept, nil
 	}
 	state := r.state
-	if state == nil && r.rec.Checkpoint != "" {
+	if state == nil {
 		read, err := r.c.readCheckpoint(ctx, r.rec)
 		if err != nil {
 			return nil, job.Image{}, fmt.Errorf("image: %w", err)
 		}
-		state = read.State
+		if state = read.State; !r.shows(state) {
+			return nil, job.Image{}, fmt.Errorf("job %s: %w", r.id, job.ErrNoImage)
+		}
 	}
-	if state == nil || len(state.History()) == 0 && r.rec.State != job.Done {
-		return nil, job.Image{}, fmt.Errorf("job %s: %w", r.id, job.ErrNoImage)
-	}
-	final := r.rec.State == job.Done
 	snapshot := r.snapshot()
-	if r.image != nil && r.image.FilmSHA256 == snapshot.FilmSHA256 && r.image.Final == final {
-		return nil, *r.image, nil
-	}
 	return state.Snapshot(), job.Image{
 		Width: int(state.Spec.GetWidth()), Height: int(state.Spec.GetHeight()),
 		SceneDigest: r.rec.Request.Scene, JobID: r.id, Integrator: snapshot.Integrator,
-		Seed: state.Spec.GetSeed(), Rounds: len(state.History()), Final: final,
+		Seed: state.Spec.GetSeed(), Rounds: len(state.History()), Final: r.rec.State == job.Done,
 		B: snapshot.B, BStandardError: snapshot.BStandardError, FilmSHA256: snapshot.FilmSHA256,
 	}, nil
 }

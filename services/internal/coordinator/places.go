@@ -10,34 +10,40 @@ import (
 	"metrofarm/services/internal/job"
 )
 
-// maxReaders is how many checkpoints of jobs that have ended are in memory at a time.
-const maxReaders = 2
+const (
+	// maxReaders is how many checkpoints of jobs that have ended are in memory at a time.
+	maxReaders = 2
+	// maxDevelopers is how many films of jobs in memory are developed at a time: each takes as much again.
+	maxDevelopers = 4
+)
 
-// readers bounds the checkpoints that requests read: two at a time, and one alone where two of its
-// size would take more than half of what films may.
-type readers struct {
+// places bound what requests do with films beside those that the budget holds: so many at a time, and one
+// alone where so many of its size would take more than half of what films may.
+type places struct {
 	slots *semaphore.Weighted
-	films int64 // 0: no bound
+	count int64
+	films int64  // 0: no bound
+	busy  string // what is going on where there is no place
 }
 
-func newReaders(films int64) *readers {
-	return &readers{slots: semaphore.NewWeighted(maxReaders), films: films}
+func newPlaces(count, films int64, busy string) *places {
+	return &places{slots: semaphore.NewWeighted(count), count: count, films: films, busy: busy}
 }
 
-// enter waits until the checkpoint of a job may be read, in order of arrival. done is to be called when
+// enter waits until there is a place for the film of a job, in order of arrival. done is to be called when
 // it is not needed any more. Fails with job.ErrUnavailable after the patience.
-func (r *readers) enter(ctx context.Context, id string, film int64, patience time.Duration) (done func(), err error) {
+func (p *places) enter(ctx context.Context, id string, film int64, patience time.Duration) (done func(), err error) {
 	slots := int64(1)
-	if r.films > 0 && maxReaders*film > r.films/2 {
-		slots = maxReaders
+	if p.films > 0 && p.count*film > p.films/2 {
+		slots = p.count
 	}
 	waiting, cancel := context.WithTimeout(ctx, patience)
 	defer cancel()
-	if err := r.slots.Acquire(waiting, slots); err != nil {
+	if err := p.slots.Acquire(waiting, slots); err != nil {
 		if ctx.Err() != nil {
 			return nil, ctx.Err()
 		}
-		return nil, fmt.Errorf("job %s: the checkpoints of other jobs are being read: %w", id, job.ErrUnavailable)
+		return nil, fmt.Errorf("job %s: %s: %w", id, p.busy, job.ErrUnavailable)
 	}
-	return func() { r.slots.Release(slots) }, nil
+	return func() { p.slots.Release(slots) }, nil
 }

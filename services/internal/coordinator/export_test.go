@@ -1,0 +1,9 @@
+package coordinator
+
+import "context"
+
+// OccupyDevelopers takes all places for developments until done is called.
+func (c *Coordinator) OccupyDevelopers() (done func()) {
+	_ = c.developers.slots.Acquire(context.Background(), maxDevelopers) // that many there are
+	return func() { c.developers.slots.Release(maxDevelopers) }
+}
