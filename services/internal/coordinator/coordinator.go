@@ -143,20 +143,20 @@ func randomID() string {
 
 // Coordinator owns jobs, and shows those of others as they were last stored. Its methods may be called from several goroutines.
 type Coordinator struct {
-	options    Options
-	log        *slog.Logger
-	codec      *film.Codec
-	metrics    *metrics
-	down       atomic.Bool // the store did not answer, and has not since
-	leases     atomic.Uint32
-	slots      chan struct{} // deliveries being read
-	merging    *flow.Queue
-	room       *room         // for films
-	readers    *places       // of checkpoints of jobs that have ended
-	developers *places       // of images of jobs in memory
-	kick       chan struct{} // housekeeping has something to do
-	stopped    chan struct{} // closed when Run ends
-	broken     chan error    // the first failure that ends Run
+	options Options
+	log     *slog.Logger
+	codec   *film.Codec
+	metrics *metrics
+	down    atomic.Bool // the store did not answer, and has not since
+	leases  atomic.Uint32
+	slots   chan struct{} // deliveries being read
+	merging *flow.Queue
+	room    *room         // for films
+	readers *places       // of checkpoints of jobs that have ended
+	imaging *places       // of images of jobs in memory
+	kick    chan struct{} // housekeeping has something to do
+	stopped chan struct{} // closed when Run ends
+	broken  chan error    // the first failure that ends Run
 
 	reads, writes      chan struct{}  // checkpoints being read, and written
 	reading, transfers sync.WaitGroup // likewise
@@ -194,20 +194,20 @@ func New(ctx context.Context, options Options) (*Coordinator, error) {
 	}
 	c := &Coordinator{
 		options: options, log: options.Logger.With("coordinator", options.Member.ID), codec: codec,
-		slots:      make(chan struct{}, options.Deliveries),
-		merging:    flow.NewQueue(options.MergeBudget),
-		room:       newRoom(options.FilmsMemory),
-		readers:    newPlaces(maxReaders, options.FilmsMemory, "the checkpoints of other jobs are being read"),
-		developers: newPlaces(maxDevelopers, options.FilmsMemory, "the images of other jobs are being developed"),
-		kick:       make(chan struct{}, 1),
-		stopped:    make(chan struct{}),
-		broken:     make(chan error, 1),
-		reads:      make(chan struct{}, maxReads),
-		writes:     make(chan struct{}, maxWrites),
-		jobs:       make(map[string]*run),
-		ended:      make(map[job.State]int),
-		workers:    make(map[string]*worker),
-		changed:    make(chan struct{}),
+		slots:   make(chan struct{}, options.Deliveries),
+		merging: flow.NewQueue(options.MergeBudget),
+		room:    newRoom(options.FilmsMemory),
+		readers: newPlaces(maxReaders, options.FilmsMemory, "the checkpoints of other jobs are being read"),
+		imaging: newPlaces(maxDevelopers, options.FilmsMemory, "the images of other jobs are being developed"),
+		kick:    make(chan struct{}, 1),
+		stopped: make(chan struct{}),
+		broken:  make(chan error, 1),
+		reads:   make(chan struct{}, maxReads),
+		writes:  make(chan struct{}, maxWrites),
+		jobs:    make(map[string]*run),
+		ended:   make(map[job.State]int),
+		workers: make(map[string]*worker),
+		changed: make(chan struct{}),
 
 		usualCost: firstCost,
 	}

@@ -47,7 +47,7 @@ func (c *Coordinator) imageOf(ctx context.Context, r *run) (job.Image, error) {
 	defer r.imageMu.Unlock()
 	r.mu.Lock()
 	kept, err := r.keptImage()
-	film, places := r.rec.FilmBytes, c.developers
+	film, places := r.rec.FilmBytes, c.imaging
 	if r.state == nil { // it is read, and kept until it is developed
 		places = c.readers
 	}
