@@ -135,7 +135,7 @@ func (p Pair) mark(ctx context.Context, id string) (string, error) {
 func mismatch(id string, begins bool, marked string) error {
 	switch {
 	case begins:
-		return fmt.Errorf("%w: the blobs are those of farm %s, the store has not been used by any. If that farm lives on, give "+
+		return fmt.Errorf("%w: the blobs are those of farm %s, the store is that of none yet. If that farm lives on, give "+
 			"this one --blobs of its own. If the store was lost, bring it back from a backup, or start once with "+
 			"--adopt-blobs %[2]s to begin a new farm with these blobs: what its jobs do not use is then deleted", ErrMismatch, marked)
 	case marked == "":
