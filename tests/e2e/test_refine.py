@@ -19,11 +19,11 @@ FULL = {
     "direct_apart": "on",
 }
 PATHS = {**SMALL, "integrator": "path"}
-# Every first stop cuts a round short, and so does every second one.
+# Every first stop cuts a round short, and so do those in the middle, some the same round again.
 STEPS: dict[str, tuple[dict[str, Any], list[dict[str, int]]]] = {
-    "pssmlt": (CHAINS, [{"mutations_per_pixel": n} for n in (50, 131, 700)]),
-    "full": (FULL, [{"mutations_per_pixel": n} for n in (50, 131, 700)]),
-    "path": (PATHS, [{"samples_per_pixel": n} for n in (3, 7, 60)]),
+    "pssmlt": (CHAINS, [{"mutations_per_pixel": n} for n in (50, 131, 140, 150, 700)]),
+    "full": (FULL, [{"mutations_per_pixel": n} for n in (50, 131, 140, 150, 700)]),
+    "path": (PATHS, [{"samples_per_pixel": n} for n in (3, 7, 20, 25, 30, 60)]),
 }
 
 
