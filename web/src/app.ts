@@ -8,7 +8,7 @@ import { fromSRGB, keepRound, parsePFM } from './image/pixels'
 import { addPoint } from './model/convergence'
 import { addListed, applyChange, dropJob, dropUnlisted, putJob } from './model/farm'
 import type { Job, JobEvent } from './model/job'
-import { isBefore } from './model/job'
+import { isBefore, toldOf } from './model/job'
 import { fieldsOf } from './model/options'
 import type { Route } from './model/route'
 import { formatRoute, parseRoute } from './model/route'
@@ -278,7 +278,7 @@ export class App {
     this.setPage(id, { points, events: [...page.events, ...told].slice(-MAX_EVENTS) })
     const last = events.findLast(({ job }) => job !== null)?.job
     // Past events come first: what they tell must not undo what is known.
-    if (last && (page.job === null || !isBefore(last, page.job))) this.takeJob(last)
+    if (last && page.job !== null && !isBefore(last, page.job)) this.takeJob(toldOf(page.job, last))
     if (events.some(({ kind }) => kind === 'deleted')) this.loseJob(id)
     else if (events.some(({ kind }) => kind === 'state')) this.readPlan(id)
   }

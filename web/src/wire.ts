@@ -76,7 +76,6 @@ export interface WireJob {
   film_sha256?: string
   warnings?: string[]
   stale?: boolean
-  resolved?: string
 }
 
 export interface WirePoint {
@@ -106,6 +105,7 @@ export interface WireEvent {
   coordinator?: string
   epoch?: number
   attributes?: Record<string, unknown>
+  /** Without request.defaults. */
   job?: WireJob
   convergence?: WirePoint
 }

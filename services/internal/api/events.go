@@ -27,8 +27,9 @@ func (s *server) registerEvents(api huma.API) {
 	huma.Register(api, huma.Operation{
 		OperationID: "get-events", Method: http.MethodGet, Path: "/v1/jobs/{id}/events",
 		Tags: []string{"details"}, Summary: "Past events, then live ones, as server-sent events",
-		Description: "id is the sequence number, event the kind, data the event as JSON. Comments keep " +
-			"quiet streams open. The stream ends when the reader is too slow, and when a job that had ended goes on, " +
+		Description: "id is the sequence number, event the kind, data the event as JSON. Progress and image events are for " +
+			"live readers: among past events their numbers are missing. job leaves out resolved, request.resolved and " +
+			"request.defaults; GET /v1/jobs/{id} has them. Comments keep quiet streams open. The stream ends when the reader is too slow, and when a job that had ended goes on, " +
 			"for another coordinator may run it: reconnect with Last-Event-ID. The last event of a deleted job is deleted.",
 		Responses: map[string]*huma.Response{"200": {
 			Description: "The stream", Content: map[string]*huma.MediaType{eventStreamType: {Schema: event}},

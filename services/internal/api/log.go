@@ -68,9 +68,6 @@ func (s *server) log(ctx context.Context, input *logInput) (*rawOutput, error) {
 	}
 	var buffer bytes.Buffer
 	for _, event := range events {
-		if event.Kind == "progress" || event.Kind == "image" {
-			continue // for live readers, and not kept
-		}
 		if err := write(&buffer, recordOf(input.ID, event)); err != nil {
 			return nil, s.fail(ctx, fmt.Errorf("log: %w", err))
 		}

@@ -21,7 +21,7 @@ const (
 type eventLog struct {
 	sequence uint64      // of the last event
 	shown    uint64      // sequence of the last event that readers may see
-	recent   []job.Event // of this process, at most store.MaxEvents
+	recent   []job.Event // those of this process that are kept, at most store.MaxEvents
 	unsaved  []job.Event // to be stored with the next save
 	hidden   []job.Event // not shown yet: they, or some before them, are not stored
 	streams  map[chan job.Event]struct{}
@@ -30,9 +30,9 @@ type eventLog struct {
 	progressAt time.Time
 }
 
-// publish appends an event. Requires: mu. Progress and image events are for live readers only; the
-// others are stored with the next save, and shown once they are: what was seen must not be undone by
-// the job's next owner.
+// publish appends an event. Requires: mu. Progress and image events are for live readers only, and their
+// sequence numbers are missing from what is read later; the others are stored with the next save, and
+// shown once they are: what was seen must not be undone by the job's next owner.
 func (r *run) publish(kind, message string, point *job.ConvergencePoint, attributes ...slog.Attr) {
 	log := &r.events
 	log.sequence++
@@ -42,15 +42,12 @@ func (r *run) publish(kind, message string, point *job.ConvergencePoint, attribu
 	}
 	switch kind {
 	case "state", "round", "progress":
-		snapshot := r.snapshot()
+		snapshot := r.snapshot().ForEvents()
 		e.Job = &snapshot
 	}
 	if kind != "progress" && kind != "image" {
 		log.unsaved = append(log.unsaved, e)
-	}
-	log.recent = append(log.recent, e)
-	if extra := len(log.recent) - store.MaxEvents; extra > 0 {
-		log.recent = append([]job.Event(nil), log.recent[extra:]...)
+		log.keep(e)
 	}
 	log.hidden = append(log.hidden, e)
 	if len(log.unsaved) == 0 {
@@ -58,6 +55,14 @@ func (r *run) publish(kind, message string, point *job.ConvergencePoint, attribu
 	}
 	if log.sequence >= r.rec.Sequence {
 		r.save()
+	}
+}
+
+// keep appends an event to the recent ones.
+func (l *eventLog) keep(e job.Event) {
+	l.recent = append(l.recent, e)
+	if extra := len(l.recent) - store.MaxEvents; extra > 0 {
+		l.recent = append([]job.Event(nil), l.recent[extra:]...)
 	}
 }
 

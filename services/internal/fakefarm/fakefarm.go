@@ -121,7 +121,7 @@ func (f *Farm) SetWorkers(workers ...job.Worker) {
 func (f *Farm) publish(r *record, event job.Event) {
 	event.Sequence = uint64(len(r.events) + 1)
 	event.At = f.now()
-	snapshot := r.snapshot
+	snapshot := r.snapshot.ForEvents()
 	event.Job = &snapshot
 	r.events = append(r.events, event)
 	for watcher := range r.watchers {

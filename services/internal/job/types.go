@@ -268,6 +268,13 @@ func (s Snapshot) Brief() Snapshot {
 	return s
 }
 
+// ForEvents leaves out what may be long and is the same in every event: the resolved spec and the
+// request's values for the scene's defaults. Who needs them asks for the job or its plan.
+func (s Snapshot) ForEvents() Snapshot {
+	s.Request.Resolved, s.Request.Defaults, s.Resolved = "", nil, ""
+	return s
+}
+
 // Image is a developed snapshot: linear RGB and the estimated variance of each pixel's mean.
 type Image struct {
 	Width, Height int
@@ -307,7 +314,8 @@ type Event struct {
 	Epoch       uint64 `json:"epoch,omitempty"`
 	// Attributes by name: the worker, the round, and what else the message is about.
 	Attributes map[string]any `json:"attributes,omitempty"`
-	// Job is the snapshot after the event (state, progress and round events).
+	// Job is the snapshot after the event (state, progress and round events), without resolved and
+	// without request.defaults and request.resolved.
 	Job *Snapshot `json:"job,omitempty"`
 	// Convergence is the point added by a round event.
 	Convergence *ConvergencePoint `json:"convergence,omitempty"`

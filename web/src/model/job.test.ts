@@ -9,6 +9,7 @@ import {
   replayCommand,
   toEvent,
   toJob,
+  toldOf,
   toPlan,
   toPoint,
 } from './job'
@@ -149,6 +150,19 @@ describe('isBefore', () => {
     expect(isBefore(at(1, 4), at(1, 5))).toBe(true)
     expect(isBefore(at(1, 5), at(1, 5))).toBe(false)
   })
+})
+
+it('toldOf keeps the defaults that events leave out, and takes what has changed', () => {
+  const jobOf = (request: Record<string, unknown>) =>
+    toJob(wireJob({ request: { scene: 'aa', entry: 'scene.xml', ...request } }))
+  const known = jobOf({ priority: 1, defaults: { spp: '4' } })
+  expect(toldOf(known, jobOf({ priority: 2 })).request).toEqual({
+    scene: 'aa',
+    entry: 'scene.xml',
+    priority: 2,
+    defaults: { spp: '4' },
+  })
+  expect(toldOf(jobOf({}), jobOf({})).request).not.toHaveProperty('defaults')
 })
 
 describe('replayCommand', () => {

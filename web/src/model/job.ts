@@ -59,7 +59,6 @@ export interface Job {
   lengths: Group[]
   techniques: Group[]
   anomalies: Share[]
-  resolved: string | null
   facts: [string, string][]
 }
 
@@ -161,7 +160,6 @@ export function toJob(wire: WireJob): Job {
     anomalies: Object.entries(wire.anomalies ?? {})
       .filter(([, count]) => count > 0)
       .map(([name, value]) => ({ name, value })),
-    resolved: wire.resolved ?? null,
     facts: factsOf(wire),
   }
 }
@@ -307,6 +305,12 @@ export function toEvent(wire: WireEvent): JobEvent {
     job: wire.job ? toJob(wire.job) : null,
     point: wire.convergence ? toPoint(wire.convergence) : null,
   }
+}
+
+/** A job as an event tells of it: events leave the values of the scene's defaults out. */
+export function toldOf(known: Job, told: Job): Job {
+  const { defaults } = known.request
+  return defaults === undefined ? told : { ...told, request: { ...told.request, defaults } }
 }
 
 /** What a job's badge says. */
