@@ -28,8 +28,8 @@ func newGauges(c *Coordinator) gauges {
 	return gauges{
 		c:             c,
 		jobs:          desc("metrofarm_jobs", "Jobs of this coordinator by state; of those that have ended, since it started.", "state"),
-		paused:        desc("metrofarm_jobs_paused", "Jobs that have not ended and are paused."),
-		queuedSeconds: desc("metrofarm_oldest_queued_job_seconds", "How long the oldest job that no worker has looked at waits. Those that wait for memory are not among them."),
+		paused:        desc("metrofarm_jobs_paused", "Jobs that have not ended and are paused, by state.", "state"),
+		queuedSeconds: desc("metrofarm_oldest_queued_job_seconds", "How long the oldest job that no worker has looked at waits. Those that are paused or wait for memory are not among them."),
 		desired: desc("metrofarm_desired_workers", "Workers that the jobs could use: for each job that has not ended, "+
 			"is not paused and does not wait for memory one, and one for every 16 segments of a whole round."),
 		tasks: desc("metrofarm_open_tasks", "Tasks that are waiting or leased."),
@@ -62,8 +62,8 @@ func (g *gauges) describe(out chan<- *prometheus.Desc) {
 
 // farmState is what the gauges show of all jobs.
 type farmState struct {
-	states                     map[job.State]int
-	paused, tasks, desired     int
+	states, paused             map[job.State]int
+	tasks, desired             int
 	waiting                    int
 	heldBatches, heldBytes     int
 	queuedSeconds, oldestCheck float64
@@ -72,7 +72,7 @@ type farmState struct {
 
 func (g *gauges) collect(out chan<- prometheus.Metric) {
 	var all farmState
-	all.states = make(map[job.State]int)
+	all.states, all.paused = make(map[job.State]int), make(map[job.State]int)
 	now := g.c.options.Now()
 	for _, r := range g.c.runs() {
 		r.mu.Lock()
@@ -89,8 +89,10 @@ func (g *gauges) collect(out chan<- prometheus.Metric) {
 	}
 	for _, s := range []job.State{job.Queued, job.Inspecting, job.Bootstrapping, job.Rendering, job.Done, job.Failed, job.Canceled} {
 		gauge(g.jobs, float64(all.states[s]), string(s))
+		if !s.Ended() {
+			gauge(g.paused, float64(all.paused[s]), string(s))
+		}
 	}
-	gauge(g.paused, float64(all.paused))
 	gauge(g.queuedSeconds, all.queuedSeconds)
 	gauge(g.desired, float64(all.desired))
 	gauge(g.tasks, float64(all.tasks))
@@ -135,7 +137,7 @@ func (r *run) addTo(all *farmState, now time.Time) {
 	all.tasks += r.table.Open()
 	all.desired += r.wantedWorkers()
 	if r.rec.Paused && !r.rec.State.Ended() {
-		all.paused++
+		all.paused[r.rec.State]++
 	}
 	for _, h := range r.checks.held {
 		all.heldBatches++
@@ -146,7 +148,7 @@ func (r *run) addTo(all *farmState, now time.Time) {
 	}
 	switch r.rec.State {
 	case job.Queued:
-		if r.waitingForRoom() {
+		if r.waitingForRoom() || r.rec.Paused {
 			return
 		}
 		all.queuedSeconds = max(all.queuedSeconds, now.Sub(r.rec.CreatedAt).Seconds())

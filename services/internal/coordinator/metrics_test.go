@@ -106,8 +106,37 @@ func TestMetricsTellWhatJobsCouldUse(t *testing.T) {
 func checkDemand(t *testing.T, c *coordinator.Coordinator, desired, queued, paused float64) {
 	t.Helper()
 	got := gather(t, c.Collector())
-	if got["metrofarm_desired_workers"] != desired || got["metrofarm_jobs{state="+string(job.Queued)+"}"] != queued || got["metrofarm_jobs_paused"] != paused {
+	if got["metrofarm_desired_workers"] != desired || got["metrofarm_jobs{state="+string(job.Queued)+"}"] != queued || got["metrofarm_jobs_paused{state=queued}"] != paused {
 		t.Errorf("%g workers wanted, %g jobs queued, %g paused; want %g, %g, %g", got["metrofarm_desired_workers"],
-			got["metrofarm_jobs{state=queued}"], got["metrofarm_jobs_paused"], desired, queued, paused)
+			got["metrofarm_jobs{state=queued}"], got["metrofarm_jobs_paused{state=queued}"], desired, queued, paused)
+	}
+}
+
+// A paused job waits for nobody but its user, whatever its state: alerts go by these.
+func TestMetricsTellPausedJobsApart(t *testing.T) {
+	s := newSite(t)
+	s.start()
+	defer s.stop()
+	rendered := s.submit(longRequest())
+	dismiss := s.crew(workers(1, nil)...)
+	s.await(rendered, "rendered", func(j job.Snapshot) bool { return j.State == job.Rendering })
+	dismiss()
+	queued := s.submit(chainsRequest(60))
+	if waits := gather(t, s.c.Collector())["metrofarm_oldest_queued_job_seconds"]; waits <= 0 {
+		t.Errorf("the oldest queued job waits for %g s", waits)
+	}
+	_, err := s.c.Pause(t.Context(), queued)
+	s.check(err)
+	got := gather(t, s.c.Collector())
+	if waits := got["metrofarm_oldest_queued_job_seconds"]; waits != 0 {
+		t.Errorf("a paused job waits for %g s", waits)
+	}
+	if got["metrofarm_jobs_paused{state=queued}"] != 1 || got["metrofarm_jobs_paused{state=rendering}"] != 0 {
+		t.Errorf("the queued job is paused, not the one that is rendered: %v", got)
+	}
+	_, err = s.c.Pause(t.Context(), rendered)
+	s.check(err)
+	if got = gather(t, s.c.Collector()); got["metrofarm_jobs_paused{state=rendering}"] != 1 {
+		t.Errorf("the one that is rendered is paused: %v", got)
 	}
 }
