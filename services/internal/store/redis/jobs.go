@@ -19,6 +19,15 @@ local clock = redis.call('TIME')
 local now = clock[1] * 1000 + math.floor(clock[2] / 1000)
 `
 
+// Scripts that must go on while the server's memory is used up (maxmemory) begin with this: they keep
+// leases, or free memory. A server refuses what may take memory only as long as a script has written
+// nothing, and this changes nothing: no key expires.
+//
+//	KEYS[1]  any key
+const luaEvenFull = `
+redis.call('PERSIST', KEYS[1])
+`
+
 // Every script that changes a job for its owner begins with this.
 //
 //	KEYS[1]  job:ID
@@ -188,7 +197,7 @@ func (s *Store) UpdateJob(ctx context.Context, epoch uint64, r store.Record, eve
 //	ARGV[2]  id
 //	ARGV[3]  how many changes to keep
 //	returns  {'ok'}, {'fenced'}, {'missing'}
-var deleteScript = goredis.NewScript(luaFence + `
+var deleteScript = goredis.NewScript(luaEvenFull + luaFence + `
 local key = redis.call('HGET', KEYS[1], 'key')
 if key ~= '' then redis.call('HDEL', KEYS[5], key) end
 redis.call('ZREM', KEYS[3], ARGV[2])

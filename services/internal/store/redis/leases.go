@@ -25,7 +25,7 @@ import (
 //	ARGV[3]  duration of membership and leases in milliseconds
 //	ARGV[4]  id of the first held job, ARGV[5] its epoch, and so on
 //	returns  {'ok', id of a job that is lost, and so on}
-var beatScript = goredis.NewScript(luaNow + `
+var beatScript = goredis.NewScript(luaEvenFull + luaNow + `
 for _, gone in ipairs(redis.call('ZRANGEBYSCORE', KEYS[1], '-inf', now)) do
   redis.call('ZREM', KEYS[1], gone)
   redis.call('HDEL', KEYS[2], gone)
@@ -81,7 +81,7 @@ func texts(values []any) []string {
 //	ARGV[1]  id of the member
 //	ARGV[2]  id of the first held job, ARGV[3] its epoch, and so on
 //	returns  {'ok'}
-var leaveScript = goredis.NewScript(`
+var leaveScript = goredis.NewScript(luaEvenFull + `
 redis.call('ZREM', KEYS[1], ARGV[1])
 redis.call('HDEL', KEYS[2], ARGV[1])
 for i = 2, #ARGV, 2 do
@@ -138,7 +138,7 @@ func (s *Store) Members(ctx context.Context) ([]store.Member, error) {
 //	ARGV[1]  epoch of the caller
 //	ARGV[2]  id
 //	returns  {'ok'}, {'fenced'}, {'missing'}
-var releaseScript = goredis.NewScript(luaFence + `
+var releaseScript = goredis.NewScript(luaEvenFull + luaFence + `
 redis.call('HSET', KEYS[1], 'owner', '')
 if redis.call('HGET', KEYS[1], 'ended') == '1' then
   redis.call('ZREM', KEYS[2], ARGV[2])
@@ -181,7 +181,7 @@ func (s *Store) Waiting(ctx context.Context) ([]string, error) {
 //	ARGV[2]  id of the member
 //	ARGV[3]  duration of the lease in milliseconds
 //	returns  {'ok', epoch, record, number}, {'missing'}, {'owned'}
-var acquireScript = goredis.NewScript(luaNow + `
+var acquireScript = goredis.NewScript(luaEvenFull + luaNow + `
 local job = redis.call('HMGET', KEYS[1], 'owner', 'record', 'number')
 if not job[2] then return {'missing'} end
 local lease = redis.call('ZSCORE', KEYS[2], ARGV[1])

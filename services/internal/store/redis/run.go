@@ -5,6 +5,8 @@ import (
 	"encoding/json"
 	"errors"
 	"fmt"
+	"slices"
+	"strings"
 	"time"
 
 	goredis "github.com/redis/go-redis/v9"
@@ -22,7 +24,7 @@ const (
 // outages begin the replies of a server that will serve later.
 var outages = []string{
 	"LOADING", "READONLY", "MASTERDOWN", "CLUSTERDOWN", "TRYAGAIN", "NOREPLICAS", "MISCONF", "OOM",
-	"BUSY", "UNBLOCKED", "max number of clients", "ERR max number of clients",
+	"BUSY", "UNBLOCKED", "max number of clients",
 }
 
 // try repeats an attempt while the server cannot be reached, as long as patience and ctx allow. An
@@ -52,12 +54,11 @@ func unavailable(err error) bool {
 	if !errors.As(err, &reply) {
 		return true
 	}
-	for _, prefix := range outages {
-		if goredis.HasErrorPrefix(err, prefix) {
-			return true
-		}
+	text := strings.TrimPrefix(reply.Error(), "ERR ") // some servers put it before all
+	if _, inner, found := strings.Cut(text, "@user_script: "); found { // of a command in a script, before Redis 7
+		_, text, _ = strings.Cut(inner, ": -")
 	}
-	return false
+	return slices.ContainsFunc(outages, func(prefix string) bool { return strings.HasPrefix(text, prefix) })
 }
 
 // run runs a script. Its answer begins with how it went; what follows is returned.

@@ -8,6 +8,7 @@ import (
 	"os"
 	"os/exec"
 	"path/filepath"
+	"strconv"
 	"syscall"
 	"testing"
 	"time"
@@ -94,5 +95,15 @@ func (s *Server) Thaw() { s.signal(syscall.SIGCONT) }
 func (s *Server) signal(signal syscall.Signal) {
 	if err := s.command.Process.Signal(signal); err != nil && !errors.Is(err, os.ErrProcessDone) {
 		s.t.Error(err)
+	}
+}
+
+// LimitMemory sets how many bytes the server may take before it refuses what takes more; 0: no bound.
+func (s *Server) LimitMemory(bytes int) {
+	s.t.Helper()
+	client := s.client()
+	defer client.Close()
+	if err := client.ConfigSet(context.Background(), "maxmemory", strconv.Itoa(bytes)).Err(); err != nil {
+		s.t.Fatal(err)
 	}
 }

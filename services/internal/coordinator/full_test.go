@@ -1,0 +1,62 @@
+package coordinator_test
+
+import (
+	"errors"
+	"testing"
+	"time"
+
+	"metrofarm/services/internal/coordinator"
+	"metrofarm/services/internal/job"
+	"metrofarm/services/internal/store"
+	"metrofarm/services/internal/store/redis"
+	"metrofarm/services/internal/store/redis/redistest"
+)
+
+// A Redis whose memory is used up takes nothing in. Its coordinators keep their jobs and go on as soon as it
+// has memory, and what users delete makes room.
+func TestARedisWithoutMemory(t *testing.T) {
+	t.Parallel()
+	server := redistest.Start(t)
+	request := chainsRequest(100)
+	want := reference(t, request)
+	db, err := redis.Open(t.Context(), server.URL, redis.Options{Patience: 100 * time.Millisecond})
+	if err != nil {
+		t.Fatal(err)
+	}
+	defer db.Close()
+	const ttl = 2 * time.Second
+	s := newSite(t)
+	s.shared = db
+	s.tune = func(o *coordinator.Options) {
+		o.Member, o.OwnershipTTL = store.Member{ID: "only", REST: "http://only"}, ttl
+	}
+	s.start()
+	defer s.stop()
+	dismiss := s.crew(workers(1, nil)...)
+	old := s.submit(chainsRequest(20))
+	s.settled(old)
+	dismiss()
+	id := s.submit(request)
+
+	server.LimitMemory(1)
+	defer s.crew(workers(2, nil)...)()
+	if _, err := s.c.Submit(t.Context(), s.job(id).Request, ""); !errors.Is(err, job.ErrUnavailable) {
+		t.Errorf("submitted without memory: %v", err)
+	}
+	s.check(s.c.Delete(t.Context(), old))
+	for start := time.Now(); time.Since(start) < 2*ttl; time.Sleep(ttl / 20) {
+		stored, err := db.Job(t.Context(), id)
+		s.check(err)
+		if stored.Owner.ID != "only" {
+			t.Fatalf("the job's owner is %q", stored.Owner.ID)
+		}
+	}
+	if state := s.job(id).State; state.Ended() {
+		t.Errorf("the job is %s, which cannot be stored", state)
+	}
+	server.LimitMemory(0)
+	sameFilm(t, s.finished(id), want)
+	if _, err := s.c.Job(t.Context(), old); !errors.Is(err, job.ErrNotFound) {
+		t.Errorf("the deleted job is there: %v", err)
+	}
+}
