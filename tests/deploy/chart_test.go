@@ -108,6 +108,7 @@ func eachRelease(t *testing.T, test func(t *testing.T, r *release)) {
 func TestValuesThatMakeNoSenseAreRefused(t *testing.T) {
 	for name, c := range map[string]struct{ values, complaint string }{
 		"no coordinator":     {"coordinator: {replicas: 0}", "replicas"},
+		"no time":            {"coordinator: {keepJobs: month}", "keepJobs"},
 		"misspelt":           {"coordinator: {replica: 2}", "replica"},
 		"not a share":        {"worker: {maxUnavailable: some}", "maxUnavailable"},
 		"not a bucket":       {"blobs: {s3: {location: /srv/blobs}}", "location"},

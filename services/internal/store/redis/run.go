@@ -54,7 +54,7 @@ func unavailable(err error) bool {
 	if !errors.As(err, &reply) {
 		return true
 	}
-	text := strings.TrimPrefix(reply.Error(), "ERR ") // some servers put it before all
+	text := strings.TrimPrefix(reply.Error(), "ERR ")                  // some servers put it before all
 	if _, inner, found := strings.Cut(text, "@user_script: "); found { // of a command in a script, before Redis 7
 		_, text, _ = strings.Cut(inner, ": -")
 	}
