@@ -24,7 +24,29 @@ type gate struct {
 	shut   map[string]chan struct{} // by job; closed when it opens
 	held   int                      // calls that it holds up
 	broken int                      // calls that ended before it opened
+	full   func(blob.Key) bool      // whether there is no space for a blob; nil: there is for all
 }
+
+// fill makes writes fail from now on, as a disk does that is full; nil: they succeed again.
+func (g *gate) fill(full func(blob.Key) bool) {
+	g.mu.Lock()
+	defer g.mu.Unlock()
+	g.full = full
+}
+
+func (g *gate) fits(key blob.Key) bool {
+	g.mu.Lock()
+	full := g.full
+	g.mu.Unlock()
+	return full == nil || !full(key)
+}
+
+var errFull = errors.New("no space left on device")
+
+// fullFile takes nothing.
+type fullFile struct{}
+
+func (fullFile) Write([]byte) (int, error) { return 0, errFull }
 
 func (g *gate) close(job string) {
 	g.mu.Lock()
@@ -77,6 +99,9 @@ func (g *gate) count() (held, broken int) {
 func (g *gate) Write(ctx context.Context, key blob.Key, fill func(io.Writer) error) error {
 	if err := g.waits(ctx, key); err != nil {
 		return err
+	}
+	if !g.fits(key) {
+		return g.Backend.Write(ctx, key, func(io.Writer) error { return fill(fullFile{}) })
 	}
 	return g.Backend.Write(ctx, key, fill)
 }
@@ -266,5 +291,63 @@ func TestNothingIsWrittenForAJobThatIsGone(t *testing.T) {
 	}
 	if _, err := first.c.Job(t.Context(), deleted); !errors.Is(err, job.ErrNotFound) {
 		t.Errorf("a deleted job is there: %v", err)
+	}
+}
+
+// A job goes on while its checkpoints cannot be written, but does not end before its last one is.
+func TestACheckpointThatCannotBeWritten(t *testing.T) {
+	t.Parallel()
+	request := chainsRequest(60)
+	want := reference(t, request)
+	for name, meanwhile := range map[string]func(*site){
+		"until there is space":       func(s *site) { s.gate.fill(nil) },
+		"and its coordinator dies":   func(s *site) { s.kill(); s.gate.fill(nil); s.start() },
+		"and its coordinator leaves": func(s *site) { s.stop(); s.gate.fill(nil); s.start() },
+	} {
+		t.Run(name, func(t *testing.T) {
+			t.Parallel()
+			s := newSite(t)
+			s.gate = &gate{}
+			s.start()
+			defer func() { s.stop() }()
+			id := s.submit(request)
+			c := s.c
+			s.gate.fill(func(key blob.Key) bool {
+				j, err := c.Job(context.Background(), id)
+				return strings.Contains(key.Name, id) && (err != nil || j.RoundsDone >= 2)
+			})
+			defer s.crew(workers(2, nil)...)()
+			s.await(id, "rendered to the end", func(j job.Snapshot) bool { return j.RoundsDone == want.RoundsDone })
+			s.awaitFailures(id, 2)
+			if state := s.job(id).State; state != job.Rendering {
+				t.Fatalf("the job is %s without its last checkpoint", state)
+			}
+			meanwhile(s)
+			sameFilm(t, s.finished(id), want)
+			image, err := s.c.Image(t.Context(), id)
+			s.check(err)
+			if image.FilmSHA256 != want.FilmSHA256 {
+				t.Errorf("the image is of film %s, want %s", image.FilmSHA256, want.FilmSHA256)
+			}
+		})
+	}
+}
+
+// awaitFailures waits until so many checkpoints could not be written, of which the job's log tells once.
+func (s *site) awaitFailures(id string, failures float64) {
+	s.t.Helper()
+	for deadline := time.Now().Add(patience); gather(s.t, s.c.Collector())["metrofarm_checkpoint_failures_total"] < failures; {
+		if time.Now().After(deadline) {
+			s.t.Fatalf("fewer than %g checkpoints failed", failures)
+		}
+		time.Sleep(2 * time.Millisecond)
+	}
+	events, _, err := s.c.Events(s.t.Context(), id, 0)
+	s.check(err)
+	told := slices.DeleteFunc(events, func(e job.Event) bool {
+		return e.Kind != "fault" || !strings.Contains(e.Message, "the checkpoint cannot be written")
+	})
+	if len(told) != 1 {
+		s.t.Errorf("the job's log tells of it %d times: %v", len(told), told)
 	}
 }

@@ -15,7 +15,7 @@ import (
 // A server whose memory is used up takes nothing more in, but leases last, and what is deleted makes room.
 func TestAServerWithoutMemory(t *testing.T) {
 	server := redistest.Start(t)
-	s := open(t, server.URL, Options{Patience: 100 * time.Millisecond})
+	s := open(t, server.URL, Options{Patience: time.Second})
 	defer s.Close()
 	ctx := t.Context()
 	for _, id := range []string{"a", "b", "c"} {
