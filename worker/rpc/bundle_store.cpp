@@ -190,14 +190,14 @@ std::optional<LoadFault> BundleStore::fetch_alone(const std::string& digest, int
   }
   remove(digest);
   metrics_.bundle_missed();
-  std::string no_room, problem;
-  BundleWriter writer(path(digest),
-                      [&](uint64_t bytes) { return no_room = make_room(digest, bytes); });
+  std::string problem;
+  BundleWriter writer(path(digest), [&](uint64_t bytes) { return make_room(digest, bytes); });
   const CallResult result = fetch(writer, problem);
   if (result == CallResult::kRefused)
     return LoadFault{Kind::kScene, "the scene bundle could not be fetched"};
   if (result != CallResult::kDone) return LoadFault{Kind::kAway};
-  if (!problem.empty()) return LoadFault{no_room.empty() ? Kind::kScene : Kind::kWorker, problem};
+  // Too small a cache, a disk that is full, bytes that changed on the way: another may be lucky.
+  if (!problem.empty()) return LoadFault{Kind::kWorker, problem};
   if (!write_whole(path(digest, ".manifest"), writer.manifest_lines()))
     return LoadFault{Kind::kWorker, "cannot write " + path(digest, ".manifest").string()};
   metrics_.bundle_bytes(bytes());

@@ -1,11 +1,14 @@
 #include "rpc/bundle_store.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -54,7 +57,7 @@ class BundleStoreTest : public testing::Test {
     return std::make_unique<BundleStore>(directory_, max_bytes, metrics_, log_);
   }
 
-  std::string pin(BundleStore& store, const Bundle& b, BundleStore::Pin& pin) {
+  std::optional<LoadFault> try_pin(BundleStore& store, const Bundle& b, BundleStore::Pin& pin) {
     const auto fetch = [&](BundleWriter& writer, std::string& problem) {
       ++fetched_;
       problem = writer.begin(b.manifest, b.digest);
@@ -62,7 +65,10 @@ class BundleStoreTest : public testing::Test {
       if (problem.empty()) problem = writer.finish();
       return CallResult::kDone;
     };
-    const auto fault = store.pin(b.digest, 2, fetch, pin);
+    return store.pin(b.digest, 2, fetch, pin);
+  }
+  std::string pin(BundleStore& store, const Bundle& b, BundleStore::Pin& pin) {
+    const auto fault = try_pin(store, b, pin);
     return fault ? "fault: " + fault->message : read(pin.directory / "dir/scene.xml");
   }
   // Uses a bundle for a moment.
@@ -150,6 +156,40 @@ TEST_F(BundleStoreTest, ABundleLargerThanTheCacheIsRefused) {
   const std::string answer = use(*one, a_);
   EXPECT_NE(answer.find("--cache-size"), std::string::npos) << answer;
   EXPECT_FALSE(there(a_));
+}
+
+// Writes fail beyond a size while it lives, as on a disk that is full.
+class FullDisk {
+ public:
+  FullDisk() {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit small = before_;
+    small.rlim_cur = 1000;
+    setrlimit(RLIMIT_FSIZE, &small);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  void (*handler_)(int) = std::signal(SIGXFSZ, SIG_IGN);  // writes fail instead
+  rlimit before_{};
+};
+
+TEST_F(BundleStoreTest, AFullDiskIsNotTheScenesFault) {
+  const auto one = store();
+  std::optional<LoadFault> fault;
+  {
+    const FullDisk full;
+    BundleStore::Pin p;
+    fault = try_pin(*one, a_, p);
+  }
+  ASSERT_TRUE(fault.has_value());
+  EXPECT_EQ(fault->kind, LoadFault::Kind::kWorker) << fault->message;
+  EXPECT_NE(fault->message.find("cannot write"), std::string::npos) << fault->message;
+  EXPECT_FALSE(there(a_));
+  EXPECT_EQ(use(*one, a_), a_.content);
 }
 
 TEST_F(BundleStoreTest, OnlyDigestsNameBundles) {
