@@ -1,6 +1,7 @@
 package deploy
 
 import (
+	"fmt"
 	"os"
 	"regexp"
 	"slices"
@@ -23,6 +24,7 @@ type service struct {
 	Entrypoint  []string `json:"entrypoint"`
 	MemLimit    string   `json:"mem_limit"`
 
+	DependsOn   any               `json:"depends_on"` // a list, or conditions by service
 	Environment map[string]string `json:"environment"`
 	Build       struct {
 		Target string `json:"target"`
@@ -116,6 +118,38 @@ func TestComposeKeepsWorkersApart(t *testing.T) {
 			t.Errorf("%s reaches Redis", name)
 		}
 	}
+}
+
+// Proxy and monitoring show what is rendered: without them it is rendered all the same.
+func TestComposeRendersWithoutWhatOnlyShows(t *testing.T) {
+	services := readCompose(t).Services
+	for _, name := range []string{"redis", "coordinator-1", "coordinator-2", "worker"} {
+		s := services[name]
+		text := fmt.Sprint(s.DependsOn, s.Entrypoint, s.Command)
+		for _, shows := range []string{"proxy", "prometheus", "grafana"} {
+			if _, exists := services[shows]; !exists || strings.Contains(text, shows) {
+				t.Errorf("%s needs %s, or there is none: %s", name, shows, text)
+			}
+		}
+	}
+	for _, target := range strings.Split(option(t, services["worker"].Command, "--coordinator="), ",") {
+		name, _, _ := strings.Cut(target, ":")
+		if !strings.HasPrefix(name, "coordinator-") || !slices.Contains(services[name].Networks, "farm") {
+			t.Errorf("workers go to %s, which is no coordinator in their network", target)
+		}
+	}
+}
+
+// option of a program, after its prefix.
+func option(t *testing.T, words []string, prefix string) string {
+	t.Helper()
+	for _, word := range words {
+		if value, found := strings.CutPrefix(word, prefix); found {
+			return value
+		}
+	}
+	t.Fatalf("no %s in %v", prefix, words)
+	return ""
 }
 
 func TestImagesRunAsNobodyAndTellTheirHealth(t *testing.T) {

@@ -64,3 +64,30 @@ func TestARedisWithoutMemory(t *testing.T) {
 		t.Errorf("the deleted job is there: %v", err)
 	}
 }
+
+// Where a file of this machine is the store and its disk is full, the coordinator ends and says so; the next
+// one goes on, once there is space.
+func TestAStoreOnAFullDisk(t *testing.T) {
+	t.Parallel()
+	request := chainsRequest(60)
+	want := reference(t, request)
+	p := newPair(t, 600*time.Millisecond)
+	s := p.sites[0]
+	s.start()
+	id := s.submit(request)
+	p.lines[0].full.Store(true)
+	defer s.crew(workers(2, nil)...)()
+	select {
+	case <-s.done:
+	case <-time.After(patience):
+		t.Fatal("the coordinator goes on, and nothing of it is stored")
+	}
+	if state := p.record(id).State; state != job.Queued {
+		t.Errorf("the job is stored as %s", state)
+	}
+	s.stop()
+	p.lines[0].full.Store(false)
+	s.start()
+	defer s.stop()
+	sameFilm(t, s.finished(id), want)
+}

@@ -18,6 +18,8 @@ type line struct {
 	// one.
 	frozen atomic.Bool
 	writes atomic.Int64 // updates that were made
+	// full: nothing can be written, as on a disk that is full; that does not pass by itself.
+	full atomic.Bool
 	// silent: who the members are, and what their users used, cannot be read.
 	silent atomic.Bool
 }
@@ -64,6 +66,9 @@ func (l *line) CreateJob(ctx context.Context, c store.Claim, r store.Record, key
 
 func (l *line) UpdateJob(ctx context.Context, epoch uint64, r store.Record, events []job.Event) error {
 	err := l.state()
+	if l.full.Load() {
+		err = errFull
+	}
 	if err == nil {
 		err = l.Store.UpdateJob(ctx, epoch, r, events)
 	}
