@@ -5,6 +5,7 @@ import (
 	"encoding/json"
 	"errors"
 	"fmt"
+	"slices"
 	"strconv"
 
 	goredis "github.com/redis/go-redis/v9"
@@ -258,10 +259,23 @@ end
 return answer
 `)
 
+// readAtOnce is how many jobs an answer has at most. Records may have hundreds of kilobytes, and an answer
+// must come within readTimeout.
+const readAtOnce = 32
+
 func (s *Store) read(ctx context.Context, ids []string) ([]store.Owned, error) {
-	if len(ids) == 0 {
-		return nil, nil
+	jobs := make([]store.Owned, 0, len(ids))
+	for some := range slices.Chunk(ids, readAtOnce) {
+		read, err := s.readSome(ctx, some)
+		if err != nil {
+			return nil, err
+		}
+		jobs = append(jobs, read...)
 	}
+	return jobs, nil
+}
+
+func (s *Store) readSome(ctx context.Context, ids []string) ([]store.Owned, error) {
 	keys, args := []string{s.key("leases"), s.key("addresses")}, make([]any, 0, len(ids))
 	for _, id := range ids {
 		keys, args = append(keys, s.jobKey(id)), append(args, id)

@@ -332,3 +332,42 @@ func (f *forgetful) lose(ctx context.Context, answer *goredis.Cmd) *goredis.Cmd 
 	lost.SetErr(io.EOF)
 	return lost
 }
+
+// Long answers would not come in time: many jobs are read in several.
+func TestManyJobsAreReadInSeveralAnswers(t *testing.T) {
+	s := open(t, "redis://"+miniredis.RunT(t).Addr(), Options{})
+	defer s.Close()
+	var ids []string
+	for i := range 200 {
+		ids = append(ids, fmt.Sprintf("job-%d", i))
+		if _, _, err := s.CreateJob(t.Context(), claim("m"), record(ids[i]), "", ""); err != nil {
+			t.Fatal(err)
+		}
+	}
+	counting := &counting{UniversalClient: s.client}
+	s.client = counting
+	byID, errByID := s.JobsByID(t.Context(), ids)
+	listed, errListed := s.Jobs(t.Context(), 0, len(ids))
+	if err := errors.Join(errByID, errListed); err != nil || len(byID) != len(ids) || len(listed) != len(ids) {
+		t.Fatalf("%d and %d of %d jobs, error %v", len(byID), len(listed), len(ids), err)
+	}
+	for i, id := range ids {
+		if byID[i].ID != id || listed[len(ids)-1-i].ID != id {
+			t.Errorf("jobs %s and %s at %d, want %s", byID[i].ID, listed[len(ids)-1-i].ID, i, id)
+		}
+	}
+	if counting.most > 100 {
+		t.Errorf("an answer has up to %d jobs", counting.most)
+	}
+}
+
+// counting notes with how many keys scripts run at most.
+type counting struct {
+	goredis.UniversalClient
+	most int
+}
+
+func (c *counting) EvalSha(ctx context.Context, sha string, keys []string, args ...any) *goredis.Cmd {
+	c.most = max(c.most, len(keys))
+	return c.UniversalClient.EvalSha(ctx, sha, keys, args...)
+}
