@@ -18,7 +18,7 @@ Leases::~Leases() {
 
 void Leases::hold(const farm::v1::Task& task) {
   const std::lock_guard lock(mutex_);
-  held_[task.task_id()] = {task.epoch(), 0, {}};
+  held_[task.task_id()] = {task.epoch(), 0, false, {}};
 }
 
 void Leases::forget(const std::string& task_id) {
@@ -59,13 +59,13 @@ void Leases::set_fraction(const std::string& task_id, double fraction) {
 bool Leases::abandoned(const std::string& task_id) const {
   const std::lock_guard lock(mutex_);
   const auto it = held_.find(task_id);
-  return it != held_.end() && it->second.abandoned.stop_requested();
+  return it != held_.end() && it->second.abandoned;
 }
 
-std::stop_token Leases::abandonment(const std::string& task_id) const {
+std::stop_token Leases::interruption(const std::string& task_id) const {
   const std::lock_guard lock(mutex_);
   const auto it = held_.find(task_id);
-  return it == held_.end() ? std::stop_token() : it->second.abandoned.get_token();
+  return it == held_.end() ? std::stop_token() : it->second.interruption.get_token();
 }
 
 bool Leases::drain_requested() const {
@@ -91,7 +91,9 @@ void Leases::obey(const farm::v1::HeartbeatResponse& response) {
     const auto it = held_.find(d.lease().task_id());
     // An answer about an older lease of the same task is no word on this one.
     if (it == held_.end() || it->second.epoch != d.lease().epoch()) continue;
-    if (d.directive() == farm::v1::DIRECTIVE_ABANDON) it->second.abandoned.request_stop();
+    const bool interrupt = d.directive() == farm::v1::DIRECTIVE_INTERRUPT;
+    if (interrupt || d.directive() == farm::v1::DIRECTIVE_ABANDON) it->second.abandoned = true;
+    if (interrupt) it->second.interruption.request_stop();
   }
 }
 

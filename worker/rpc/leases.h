@@ -28,11 +28,11 @@ class Leases {
   void set_activity(const std::string& activity);
   void set_fraction(const std::string& task_id, double fraction);
 
-  // True if the coordinator no longer wants the task.
+  // True if the lease is lost: what was not begun of the task is left to others.
   bool abandoned(const std::string& task_id) const;
-  // Is told when that becomes true of the lease that is held now. What it calls must not return
-  // here.
-  std::stop_token abandonment(const std::string& task_id) const;
+  // Is told when nothing of the task will be counted, by the lease that is held now. What it calls
+  // must not return here.
+  std::stop_token interruption(const std::string& task_id) const;
   size_t count() const;
   // True once the coordinator has asked this worker to finish and leave.
   bool drain_requested() const;
@@ -41,7 +41,8 @@ class Leases {
   struct Held {
     uint64_t epoch = 0;
     double fraction = 0;
-    std::stop_source abandoned;
+    bool abandoned = false;
+    std::stop_source interruption;
   };
   void beat_until_stopped();
   farm::v1::HeartbeatRequest request() const;

@@ -182,9 +182,9 @@ bool TaskRunner::enough(const Order& order) const {
 }
 
 void TaskRunner::render(const Context& context, Segment& s, const Order& order) {
-  const std::stop_token abandoned = order.leases.abandonment(s.task->task_id());
-  if (enough(order) || abandoned.stop_requested() || film_->spoiled().stop_requested()) return;
-  const std::stop_callback spoil(abandoned, [this] { film_->spoil(); });
+  const std::string& task = s.task->task_id();
+  if (enough(order) || order.leases.abandoned(task) || film_->spoiled().stop_requested()) return;
+  const std::stop_callback spoil(order.leases.interruption(task), [this] { film_->spoil(); });
   const BusyThread busy(metrics_);
   const double start = thread_cpu_seconds();
   run_segment(context, s);

@@ -9,6 +9,7 @@ import (
 	"errors"
 	"net/http"
 	"strings"
+	"time"
 
 	"github.com/danielgtaylor/huma/v2"
 
@@ -226,6 +227,13 @@ func (s *server) delete(ctx context.Context, input *JobPath) (*struct{}, error) 
 type refineInput struct {
 	JobPath
 	Body job.StopRules
+}
+
+// Resolve is called once the body has been read. Its deadline would end the request while a large
+// checkpoint is read: the server goes on reading, to see whether the client is there.
+func (*refineInput) Resolve(ctx huma.Context) []error {
+	_ = ctx.SetReadDeadline(time.Time{})
+	return nil
 }
 
 func (s *server) registerRefine(api huma.API) {

@@ -43,6 +43,11 @@ func (u *uploadReader) Read(p []byte) (int, error) {
 		return n, fmt.Errorf("%w: nothing came for %s, or less than %d bytes per second for longer", errSlow,
 			u.limits.UploadPatience, u.limits.UploadRate)
 	}
+	if errors.Is(err, io.EOF) {
+		// The server goes on reading, to see whether the client is there: a deadline would end the request
+		// while the bundle is unpacked.
+		_ = u.setTime(time.Time{})
+	}
 	if large := u.scenes.CheckUpload(u.read - formOverhead); large != nil {
 		return 0, large
 	}

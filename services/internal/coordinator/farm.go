@@ -2,6 +2,7 @@ package coordinator
 
 import (
 	"context"
+	"errors"
 	"fmt"
 	"log/slog"
 	"math"
@@ -22,6 +23,8 @@ import (
 
 const (
 	maxLeaseWait = 30 * time.Second
+	// lostPatience bounds what a heartbeat waits for the store: other leases are renewed by it.
+	lostPatience = time.Second
 	maxSegments  = 4096
 	maxNameBytes = 200
 	maxActivity  = 200
@@ -325,27 +328,57 @@ func seedState(group int, seeds []bootstrap.Seed) *farmv1.ChainGroupState {
 }
 
 // Heartbeat renews leases and tells which to drop.
-func (c *Coordinator) Heartbeat(_ context.Context, in *farmv1.HeartbeatRequest) (*farmv1.HeartbeatResponse, error) {
+func (c *Coordinator) Heartbeat(ctx context.Context, in *farmv1.HeartbeatRequest) (*farmv1.HeartbeatResponse, error) {
 	w, err := c.findWorker(in.GetWorkerId())
 	if err != nil {
 		return nil, err
 	}
 	answer := &farmv1.HeartbeatResponse{Drain: w.draining}
 	activity := ""
+	var lost []*farmv1.LeaseDirective
 	for _, p := range in.GetLeases() {
-		directive := farmv1.Directive_DIRECTIVE_ABANDON
+		d := &farmv1.LeaseDirective{Lease: p.GetLease(), Directive: farmv1.Directive_DIRECTIVE_CONTINUE}
+		answer.Directives = append(answer.Directives, d)
 		if r := c.runOfTask(p.GetLease().GetTaskId()); r != nil && r.renew(w.id, p) {
-			directive = farmv1.Directive_DIRECTIVE_CONTINUE
 			activity = clip(p.GetActivity(), maxActivity)
+		} else {
+			lost = append(lost, d)
 		}
-		answer.Directives = append(answer.Directives, &farmv1.LeaseDirective{Lease: p.GetLease(), Directive: directive})
 	}
+	c.directLost(ctx, lost)
 	c.mu.Lock()
 	defer c.mu.Unlock()
 	if known := c.workers[w.id]; known != nil {
 		known.activity = activity
 	}
 	return answer, nil
+}
+
+// directLost tells what to do with leases that are lost. A job between two coordinators still takes what
+// is under way of it; one that is over does not.
+func (c *Coordinator) directLost(ctx context.Context, lost []*farmv1.LeaseDirective) {
+	ctx, cancel := context.WithTimeout(ctx, lostPatience)
+	defer cancel()
+	over := make(map[string]bool)
+	for _, d := range lost {
+		id := jobOfTask(d.GetLease().GetTaskId())
+		if _, known := over[id]; !known {
+			over[id] = c.isOver(ctx, id)
+		}
+		d.Directive = farmv1.Directive_DIRECTIVE_ABANDON
+		if over[id] {
+			d.Directive = farmv1.Directive_DIRECTIVE_INTERRUPT
+		}
+	}
+}
+
+// isOver tells whether it is certain that a job has ended or was deleted.
+func (c *Coordinator) isOver(ctx context.Context, id string) bool {
+	if r := c.running(id); r != nil {
+		return r.standing.ended.Load()
+	}
+	stored, err := c.options.Store.Job(ctx, id)
+	return errors.Is(err, job.ErrNotFound) || err == nil && stored.State.Ended()
 }
 
 func (r *run) renew(workerID string, p *farmv1.LeaseProgress) bool {
@@ -367,8 +400,10 @@ func ref(l *farmv1.LeaseRef) lease.Ref {
 
 // runOfTask finds the job of a task by its name; nil if there is none.
 func (c *Coordinator) runOfTask(task string) *run {
+	return c.running(jobOfTask(task))
+}
+
+func jobOfTask(task string) string {
 	id, _, _ := strings.Cut(task, "/")
-	c.mu.Lock()
-	defer c.mu.Unlock()
-	return c.jobs[id]
+	return id
 }

@@ -4,6 +4,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"time"
 
 	"metrofarm/services/internal/blob"
 	"metrofarm/services/internal/develop"
@@ -42,9 +43,13 @@ func (r *run) checkpointToRead() string {
 }
 
 func (c *Coordinator) imageOf(ctx context.Context, r *run) (job.Image, error) {
-	// One development of a job at a time: the others then find it done. Who has a place takes no such lock.
-	r.imageMu.Lock()
-	defer r.imageMu.Unlock()
+	// One development of a job at a time: the others then find it done. Who has a place waits for no turn.
+	until := time.Now().Add(c.options.ReadPatience)
+	over, err := r.imageTurn.enter(ctx, r.id, 0, c.options.ReadPatience)
+	if err != nil {
+		return job.Image{}, err
+	}
+	defer over()
 	r.mu.Lock()
 	kept, err := r.keptImage()
 	film, places := r.rec.FilmBytes, c.imaging
@@ -58,7 +63,7 @@ func (c *Coordinator) imageOf(ctx context.Context, r *run) (job.Image, error) {
 	if kept != nil {
 		return *kept, nil
 	}
-	done, err := places.enter(ctx, r.id, film, c.options.ReadPatience)
+	done, err := places.enter(ctx, r.id, film, time.Until(until))
 	if err != nil {
 		return job.Image{}, err
 	}

@@ -123,3 +123,48 @@ func TestLeasesThatNobodyHearsOfAreGivenBack(t *testing.T) {
 		t.Error("the lease is held by a worker that does not know of it")
 	}
 }
+
+// A segment under way is stopped only where it is certain that nothing of it will be counted.
+func TestLostLeasesAreToldApart(t *testing.T) {
+	t.Parallel()
+	p := newPair(t, 0)
+	first, second := p.sites[0], p.sites[1]
+	first.start()
+	defer first.stop()
+	second.start()
+	defer second.stop()
+	a, elsewhere := newHand(t, first.c, "a"), newHand(t, second.c, "a")
+	id := first.submit(pathRequest(1))
+	tasks := a.lease()
+	if len(tasks) != 1 {
+		t.Fatal("no task")
+	}
+	told := func(h *hand, task string, epoch uint64) farmv1.Directive {
+		t.Helper()
+		answer, err := h.c.Heartbeat(t.Context(), &farmv1.HeartbeatRequest{
+			WorkerId: h.id, Leases: []*farmv1.LeaseProgress{{Lease: &farmv1.LeaseRef{TaskId: task, Epoch: epoch}}},
+		})
+		first.check(err)
+		return answer.GetDirectives()[0].GetDirective()
+	}
+	task, epoch := tasks[0].GetTaskId(), tasks[0].GetEpoch()
+	for _, c := range []struct {
+		what      string
+		got, want farmv1.Directive
+	}{
+		{"a lease", told(a, task, epoch), farmv1.Directive_DIRECTIVE_CONTINUE},
+		{"an older lease", told(a, task, epoch+1), farmv1.Directive_DIRECTIVE_ABANDON},
+		{"a job of another coordinator", told(elsewhere, task, epoch), farmv1.Directive_DIRECTIVE_ABANDON},
+		{"a job that was deleted", told(a, "job-none/1", 1), farmv1.Directive_DIRECTIVE_INTERRUPT},
+	} {
+		if c.got != c.want {
+			t.Errorf("%s: %v, want %v", c.what, c.got, c.want)
+		}
+	}
+	if _, err := first.c.Cancel(t.Context(), id); err != nil {
+		t.Fatal(err)
+	}
+	for _, h := range []*hand{a, elsewhere} {
+		p.eventually("interrupted", func() bool { return told(h, task, epoch) == farmv1.Directive_DIRECTIVE_INTERRUPT })
+	}
+}

@@ -79,8 +79,8 @@ type run struct {
 	crew   map[string]bool // workers that the log said have joined
 	noted  notedCheckpoints
 
-	imageMu sync.Mutex // taken before mu
-	image   *job.Image // of the complete rounds, while rendering
+	imageTurn *places    // for one who develops its image
+	image     *job.Image // of the complete rounds, while rendering
 }
 
 // taskKey says what a task of the current phase is.
@@ -99,6 +99,8 @@ func (c *Coordinator) newRun(rec store.Record, epoch uint64) *run {
 		warned: make(map[string]bool),
 		crew:   make(map[string]bool),
 		events: eventLog{sequence: rec.Sequence, shown: rec.Sequence},
+
+		imageTurn: newPlaces(1, 0, "another image of it is being developed"),
 	}
 	r.table = lease.NewTable(c.options.LeaseTTL, r.nextEpoch)
 	r.updateStanding()

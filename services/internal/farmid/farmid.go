@@ -136,8 +136,8 @@ func mismatch(id string, begins bool, marked string) error {
 	switch {
 	case begins:
 		return fmt.Errorf("%w: the blobs are those of farm %s, the store is that of none yet. If that farm lives on, give "+
-			"this one --blobs of its own. If the store was lost, bring it back from a backup, or start once with "+
-			"--adopt-blobs %[2]s to begin a new farm with these blobs: what its jobs do not use is then deleted", ErrMismatch, marked)
+			"this one --blobs of its own. If the store was lost, bring it back from a backup, or start metrofarm serve once "+
+			"with --adopt-blobs %[2]s to begin a new farm with these blobs: what its jobs do not use is then deleted", ErrMismatch, marked)
 	case marked == "":
 		return fmt.Errorf("%w: the store is that of farm %s, which has its blobs elsewhere. Give all of its coordinators the same "+
 			"--blobs, a place that they share. If its blobs were lost, or moved without blob %q, start once with "+

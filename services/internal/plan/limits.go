@@ -57,7 +57,7 @@ func (l Limits) CheckRequest(r job.Request) error {
 		if err := l.checkCount("resolved", "chains", uint64(Chains(spec)), l.Chains); err != nil {
 			return err
 		}
-		return l.checkRounds(spec, r.Stop)
+		return l.checkRounds("resolved", spec, r.Stop)
 	}
 	pixels := uint64(max(1, r.Width)) * uint64(max(1, r.Height))
 	for _, check := range []error{
@@ -105,7 +105,12 @@ func (l Limits) Check(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.S
 
 func (l Limits) checkPerPixel(spec *jobv1.ResolvedSpec, r job.Request, report *scenev1.SceneReport) error {
 	if r.Resolved != "" {
-		return l.checkRounds(spec, r.Stop)
+		return l.checkRounds("resolved", spec, r.Stop)
+	}
+	if r.Stop.Rounds > 0 {
+		if err := l.checkRounds("stop.rounds", spec, r.Stop); err != nil {
+			return err
+		}
 	}
 	field := "stop.samples_per_pixel"
 	if RunsChains(spec) {

@@ -18,10 +18,10 @@ const (
 	maxChainGroups   = 1 << 14
 	maxSpecRounds    = 4096
 	maxSpecBootstrap = 1 << 24
-	// minUnit and maxUnit keep the unit and its reciprocal, also of direct light, ordinary numbers in a
-	// worker's float32, and the squares of what is measured in it finite in float64.
-	minUnit = 1e-30
-	maxUnit = 1e30
+	// minUnit and maxUnit are about what scenes can give: radiance is a float32, and the unit of plain
+	// samples a multiple of its mean. Squares of what is measured in such units are finite in float64.
+	minUnit = 1e-38
+	maxUnit = 1e45
 )
 
 // FormatResolved renders a spec as Request.Resolved takes it.

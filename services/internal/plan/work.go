@@ -77,9 +77,9 @@ func PerPixel(s *jobv1.ResolvedSpec) float64 {
 	return float64(Chains(s)) / (float64(s.GetWidth()) * float64(s.GetHeight()))
 }
 
-// checkRounds looks at how far the rounds of a spec from outside go, as far as counts end the job.
+// checkRounds looks at how far the rounds of a spec go that a field asks for, as far as counts end the job.
 // Where time or an error is to end it, only the first round is certain. Errors are *job.FieldError.
-func (l Limits) checkRounds(spec *jobv1.ResolvedSpec, stop job.StopRules) error {
+func (l Limits) checkRounds(field string, spec *jobv1.ResolvedSpec, stop job.StopRules) error {
 	if l.PerPixel == 0 {
 		return nil
 	}
@@ -92,8 +92,8 @@ func (l Limits) checkRounds(spec *jobv1.ResolvedSpec, stop job.StopRules) error 
 	if asked <= most {
 		return nil
 	}
-	return &job.FieldError{Field: "resolved", Detail: fmt.Sprintf(
-		"its round_sizes ask for %.1f mutations or samples per pixel; this server takes at most %d: ask for fewer with stop.rounds, "+
+	return &job.FieldError{Field: field, Detail: fmt.Sprintf(
+		"asks for rounds of %.1f mutations or samples per pixel; this server takes at most %d: ask for fewer with stop.rounds, "+
 			"or repeat a smaller job", float64(asked)*PerPixel(spec), l.PerPixel)}
 }
 

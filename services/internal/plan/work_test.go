@@ -57,11 +57,11 @@ func TestWorkThatNoJobMakesIsRefused(t *testing.T) {
 		change  func(*jobv1.ResolvedSpec)
 		says    string // empty: taken
 	}{
-		{"a unit that is 0 as float32", chains, func(s *jobv1.ResolvedSpec) { s.Unit = 1e200 }, "unit is 1e+200, outside 1e-30..1e+30"},
+		{"a unit that is 0 as float32", chains, func(s *jobv1.ResolvedSpec) { s.Unit = 1e200 }, "unit is 1e+200, outside 1e-38..1e+45"},
 		{"a unit whose reciprocal is infinite", path, func(s *jobv1.ResolvedSpec) { s.Unit = 1e-200 }, "unit is 1e-200"},
 		{"no number", path, func(s *jobv1.ResolvedSpec) { s.Unit = math.NaN() }, "unit is NaN"},
 		{"an infinite unit", path, func(s *jobv1.ResolvedSpec) { s.Unit = math.Inf(1) }, "unit is +Inf"},
-		{"a bright scene", chains, func(s *jobv1.ResolvedSpec) { s.Unit = 1e30 }, ""},
+		{"a bright scene", chains, func(s *jobv1.ResolvedSpec) { s.Unit = 7.4e40 }, ""},
 		{"a task for each cell", path, func(s *jobv1.ResolvedSpec) { s.GroupSize, s.BlocksPerSegment = 1, 1 }, "group_size is 1; workers have groups of 64"},
 		{"many tasks", path, func(s *jobv1.ResolvedSpec) { s.BlocksPerSegment = 1 }, "blocks_per_segment is 1, which makes up to 34300 segments"},
 		{"fewer", path, func(s *jobv1.ResolvedSpec) { s.BlocksPerSegment = 3 }, ""},
@@ -84,6 +84,27 @@ func TestWorkThatNoJobMakesIsRefused(t *testing.T) {
 	}
 }
 
+func TestRoundsAreLimitedAsCountsAre(t *testing.T) {
+	limits := Limits{PerPixel: 100}
+	for _, c := range []struct {
+		stop  job.StopRules
+		field string
+	}{
+		{job.StopRules{Rounds: 3}, ""},
+		{job.StopRules{Rounds: 20}, "stop.rounds"},
+		{job.StopRules{Rounds: 20, SamplesPerPixel: 50}, ""},
+		{job.StopRules{Rounds: 20, TimeSeconds: 1}, ""},
+	} {
+		r := job.Request{Integrator: job.IntegratorPath, Stop: c.stop}
+		err := limits.Check(recorded(t, r, 64, 48), r, scene(64, 48, ""))
+		detail := ""
+		if c.field != "" {
+			detail = "this server takes at most 100"
+		}
+		expectField(t, err, c.field, detail)
+	}
+}
+
 func TestLongSpecsAreRefused(t *testing.T) {
 	text := fmt.Sprintf("{%*s}", maxSpecBytes, "")
 	_, err := ParseResolved(text)
@@ -100,7 +121,7 @@ func TestRepeatedRoundsAreLimitedAsOthers(t *testing.T) {
 		detail         string // empty: taken
 	}{
 		{"as many as may be", path, job.StopRules{SamplesPerPixel: 100}, job.StopRules{}, ""},
-		{"one more", path, job.StopRules{SamplesPerPixel: 101}, job.StopRules{}, "ask for 101.0 mutations or samples per pixel; this server takes at most 100"},
+		{"one more", path, job.StopRules{SamplesPerPixel: 101}, job.StopRules{}, "asks for rounds of 101.0 mutations or samples per pixel; this server takes at most 100"},
 		{"as many, by chains", chains, job.StopRules{MutationsPerPixel: 100}, job.StopRules{}, ""},
 		{"more, by chains", chains, job.StopRules{MutationsPerPixel: 150}, job.StopRules{}, "at most 100"},
 		{"stopped by rounds", path, job.StopRules{SamplesPerPixel: 1000}, job.StopRules{Rounds: 3}, ""},

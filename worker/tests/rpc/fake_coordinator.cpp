@@ -122,7 +122,7 @@ class FakeCoordinator::Service final : public FarmService::Service {
     for (const LeaseProgress& progress : in->leases()) {
       LeaseDirective& directive = *out->add_directives();
       *directive.mutable_lease() = progress.lease();
-      directive.set_directive(holds(progress.lease()) ? DIRECTIVE_CONTINUE : DIRECTIVE_ABANDON);
+      directive.set_directive(holds(progress.lease()) ? DIRECTIVE_CONTINUE : of_lost);
     }
     return Status::OK;
   }
@@ -211,8 +211,9 @@ class FakeCoordinator::Service final : public FarmService::Service {
     changed.notify_all();
   }
 
-  void withdraw(uint64_t samples) {
+  void withdraw(uint64_t samples, Directive directive) {
     const std::lock_guard lock(mutex);
+    of_lost = directive;
     std::erase_if(held_, [&](const Task& task) { return task.spec().round_sizes(0) == samples; });
   }
 
@@ -223,6 +224,7 @@ class FakeCoordinator::Service final : public FarmService::Service {
   int port = 0, port2 = 0;
   bool draining = false, hanging = false, hanging_deliveries = false;
   double seal_seconds = 1e-9;
+  Directive of_lost = DIRECTIVE_ABANDON;  // said of leases that are not held
   std::string scene = kScene;
   Account account;
   std::vector<int64_t> film;
@@ -343,8 +345,8 @@ void FakeCoordinator::hang_deliveries(bool on) {
   service_->hanging_deliveries = on;
 }
 
-void FakeCoordinator::withdraw(uint64_t samples) {
-  service_->withdraw(samples);
+void FakeCoordinator::withdraw(uint64_t samples, farm::v1::Directive directive) {
+  service_->withdraw(samples, directive);
 }
 
 std::vector<int64_t> FakeCoordinator::film() const {

@@ -43,8 +43,9 @@ class FakeCoordinator {
   // What lease answers say of it; the default lets every lease be delivered by itself.
   void seal_every(double seconds);
   void drain();
-  // Leases on segments of so many samples are gone: their job is canceled, or others were faster.
-  void withdraw(uint64_t samples);
+  // Leases on segments of so many samples are gone: their job is canceled, or, where workers are to
+  // hear of ABANDON, others were faster.
+  void withdraw(uint64_t samples, farm::v1::Directive directive = farm::v1::DIRECTIVE_INTERRUPT);
   // Lease calls, or deliveries, hang from now on, until they are cancelled or this is set to false.
   void hang(bool on);
   void hang_deliveries(bool on);

@@ -273,6 +273,24 @@ TEST(Farm, WhatWasInTheFilmOfAnInterruptedSegmentIsRenderedAgain) {
   EXPECT_GT(farm.account().released, 0) << "the others were in the same film";
 }
 
+TEST(Farm, ASegmentWhoseLeaseIsLostIsFinished) {
+  constexpr int kWanted = 8;
+  FakeCoordinator farm;
+  farm.seal_every(600);
+  farm.add_segments(kWanted);
+  constexpr uint64_t kLong = uint64_t{1} << 16;  // a second or two
+  farm.add_segments(1, kLong);
+  std::jthread somebody_else_has_it([&] {
+    EXPECT_TRUE(eventually([&] { return farm.account().granted == kWanted + 1; }));
+    std::this_thread::sleep_for(300ms);
+    farm.withdraw(kLong, farm::v1::DIRECTIVE_ABANDON);
+  });
+  RunningWorker worker(farm.address());
+  worker.start();
+  EXPECT_TRUE(eventually([&] { return farm.account().delivered == kWanted; })) << worker.log();
+  EXPECT_EQ(farm.account().released, 0) << "nothing is rendered again";
+}
+
 TEST(Farm, ADrainedWorkerFinishesAndLeaves) {
   FakeCoordinator farm;
   farm.add_segments(10);

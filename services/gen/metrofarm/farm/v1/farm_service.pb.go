@@ -32,8 +32,10 @@ const (
 	Directive_DIRECTIVE_UNSPECIFIED Directive = 0
 	// Go on.
 	Directive_DIRECTIVE_CONTINUE Directive = 1
-	// Drop the task; its result would be superseded.
+	// The lease is lost. Do not begin the task; if it is under way its result may still be the first.
 	Directive_DIRECTIVE_ABANDON Directive = 2
+	// The task's job is over: nothing of it will be counted. Stop it.
+	Directive_DIRECTIVE_INTERRUPT Directive = 3
 )
 
 // Enum value maps for Directive.
@@ -42,11 +44,13 @@ var (
 		0: "DIRECTIVE_UNSPECIFIED",
 		1: "DIRECTIVE_CONTINUE",
 		2: "DIRECTIVE_ABANDON",
+		3: "DIRECTIVE_INTERRUPT",
 	}
 	Directive_value = map[string]int32{
 		"DIRECTIVE_UNSPECIFIED": 0,
 		"DIRECTIVE_CONTINUE":    1,
 		"DIRECTIVE_ABANDON":     2,
+		"DIRECTIVE_INTERRUPT":   3,
 	}
 )
 
@@ -1702,11 +1706,12 @@ const file_metrofarm_farm_v1_farm_service_proto_rawDesc = "" +
 	"\x05tiles\x18\x01 \x03(\v2\x17.metrofarm.farm.v1.TileR\x05tiles\"a\n" +
 	"\x0fDeliverResponse\x124\n" +
 	"\aoutcome\x18\x01 \x01(\x0e2\x1a.metrofarm.farm.v1.OutcomeR\aoutcome\x12\x18\n" +
-	"\amessage\x18\x02 \x01(\tR\amessage*U\n" +
+	"\amessage\x18\x02 \x01(\tR\amessage*n\n" +
 	"\tDirective\x12\x19\n" +
 	"\x15DIRECTIVE_UNSPECIFIED\x10\x00\x12\x16\n" +
 	"\x12DIRECTIVE_CONTINUE\x10\x01\x12\x15\n" +
-	"\x11DIRECTIVE_ABANDON\x10\x02*\x7f\n" +
+	"\x11DIRECTIVE_ABANDON\x10\x02\x12\x17\n" +
+	"\x13DIRECTIVE_INTERRUPT\x10\x03*\x7f\n" +
 	"\rFailureReason\x12\x1e\n" +
 	"\x1aFAILURE_REASON_UNSPECIFIED\x10\x00\x12\x18\n" +
 	"\x14FAILURE_REASON_SCENE\x10\x01\x12\x19\n" +

@@ -961,7 +961,7 @@ type ResolvedSpec struct {
 	// Film unit: a film value of 1.0 (2^32 as an integer) stands for this much. For chains it is the
 	// constant c of the two-layer weights, the bootstrap's first estimate of b. For INTEGRATOR_PATH
 	// and INTEGRATOR_BDPT a fixed multiple of the pilot's mean luminance. Positive and finite;
-	// where a request repeats a spec, within 1e-30 to 1e30.
+	// where a request repeats a spec, within 1e-38 to 1e45.
 	Unit float64 `protobuf:"fixed64,12,opt,name=unit,proto3" json:"unit,omitempty"`
 	// Contiguous blocks of group_size film cells in one segment (INTEGRATOR_PATH, INTEGRATOR_BDPT).
 	BlocksPerSegment uint32 `protobuf:"varint,13,opt,name=blocks_per_segment,json=blocksPerSegment,proto3" json:"blocks_per_segment,omitempty"`
