@@ -46,9 +46,15 @@ func (s *site) awaitWaiting(id string) job.Snapshot {
 	return s.await(id, "waiting for memory", func(j job.Snapshot) bool { return strings.Contains(j.Activity, "waiting for memory") })
 }
 
+// cancelJob asks again while the answer is 503, as clients do: a lease of a second may be lost on a busy
+// machine, and is taken up again.
 func (s *site) cancelJob(id string) {
 	s.t.Helper()
 	_, err := s.c.Cancel(context.Background(), id)
+	for deadline := time.Now().Add(patience); errors.Is(err, job.ErrUnavailable) && time.Now().Before(deadline); {
+		time.Sleep(10 * time.Millisecond)
+		_, err = s.c.Cancel(context.Background(), id)
+	}
 	s.check(err)
 }
 
