@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from farm import METROFARM, SCENES, run
+from farm import METROFARM, SCENES, Farm, run
 
 CORNELL = SCENES / "cornell-box" / "scene.xml"
 SMALL = ["--width", "32", "--height", "32", "--seed", "5"]
@@ -198,3 +198,21 @@ def test_scenes_may_look_for_files_in_folders_elsewhere(tmp_path: Path) -> None:
     assert run("inspect", scene).returncode == 0
     done = run("render", scene, "-o", tmp_path / "out.exr", *SMALL, *BUDGETS["path"], "--spp", "1")
     assert done.returncode == 0, done.stderr
+
+
+def test_pbrt_scenes_are_submitted_like_others(farm: Farm, tmp_path: Path) -> None:
+    scene = tmp_path / "ball" / "ball.pbrt"
+    scene.parent.mkdir()
+    scene.write_text(
+        'Camera "perspective" "float fov" 40\n'
+        'Film "rgb" "integer xresolution" 16 "integer yresolution" 16\n'
+        "WorldBegin\n"
+        'LightSource "infinite"\n'
+        "Translate 0 0 5\n"
+        'Shape "sphere"\n'
+    )
+    sent = run(
+        "submit", scene, "--server", farm.url, "--integrator", "path", "--spp", "4", "--wait"
+    )
+    assert sent.returncode == 0, sent.stderr
+    assert farm.job(sent.stdout.strip())["state"] == "done"

@@ -173,6 +173,11 @@ func (l *Library) Scenes(ctx context.Context) ([]Listed, error) {
 
 var sceneExtensions = []string{".xml", ".pbrt"}
 
+// IsScene tells by a file's name whether it is a scene of a format that workers read.
+func IsScene(name string) bool {
+	return slices.Contains(sceneExtensions, strings.ToLower(path.Ext(name)))
+}
+
 // Entries lists the files of a bundle that may be its scene file: those of a format that workers
 // read, nearest to the root first.
 func Entries(files []blob.File) []string {
@@ -183,7 +188,7 @@ func Entries(files []blob.File) []string {
 	}
 	for level := range deepest + 1 {
 		for _, file := range files {
-			if depth(file.Path) == level && slices.Contains(sceneExtensions, strings.ToLower(path.Ext(file.Path))) {
+			if depth(file.Path) == level && IsScene(file.Path) {
 				entries = append(entries, file.Path)
 			}
 		}

@@ -7,7 +7,6 @@ import (
 	"fmt"
 	"io"
 	"os"
-	"path/filepath"
 	"slices"
 	"strings"
 
@@ -126,7 +125,7 @@ func (s *resultFlags) download(ctx context.Context, c *client.Client, id, path s
 
 // upload sends a bundle, or the files of a scene, and returns the bundle's digest and the entry.
 func (s *submitFlags) upload(ctx context.Context, env Env, c *client.Client, path string) (digest, entry string, err error) {
-	if strings.EqualFold(filepath.Ext(path), ".xml") {
+	if bundle.IsScene(path) {
 		return s.uploadScene(ctx, env, c, path)
 	}
 	file, err := os.Open(path)
